@@ -86,6 +86,7 @@ from .integrate.solvers import (
     SuperTimeStepping as SuperTimeStepping,
 )
 from .integrate.steady import steady as steady
+from .material.layer import Layer as Layer
 from .material.material import Material as Material, Property as Property
 from .material.table import materials as materials
 from .memo.found import forget_findings as forget_findings
@@ -148,6 +149,7 @@ from .structures.kinds.groups import (
     Partition as Partition,
     ShellOverCore as ShellOverCore,
 )
+from .structures.kinds.sheet import Sheet as Sheet
 from .structures.kinds.shell import (
     IrregularMultiLevel as IrregularMultiLevel,
     SingleShell as SingleShell,

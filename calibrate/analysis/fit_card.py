@@ -80,7 +80,7 @@ def make_card(
             for group, errors in each_group(result["error_percent"])
         },
         error_kelvin=_truth_errors(result.get("truth")),
-        surface_cells=first.scene.bodies[0].structure.grid.surface_cells,
+        surface_cells=first.scene.bodies[0].structure.voxels.surface_cells,
         origin=_origin(config, result),
     )
 
@@ -157,7 +157,7 @@ def check_card(
         numbers=numbers,
         mechanisms=mechanism_names(scene),
         geometry=config.bodies[0].geometry,
-        surface_cells=scene.bodies[0].structure.grid.surface_cells,
+        surface_cells=scene.bodies[0].structure.voxels.surface_cells,
     )
     reference = full_volume_run(config, 0.25, log)
     weights_path = ("bodies", 0, "structure", "weights")

@@ -219,7 +219,7 @@ def _linear_body(scene: Scene, plan: Plan) -> LinearBody:
         if i.saved
         for time in (i.start + observation_time(plan, i), i.end)
     ]
-    grid = plan.scene.bodies[0].structure.grid
+    grid = plan.scene.bodies[0].structure.voxels
     address = tuple(np.asarray(index) for index in body.address)
     cell = np.ravel_multi_index(address, theta.shape)
     rows = {t: n for n, t in enumerate(plan.save_times)}

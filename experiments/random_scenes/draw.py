@@ -252,7 +252,7 @@ def draw(number: int) -> Drawn:
     materials = tuple(_material(random) for _ in structures)
     h = float(10.0 ** random.uniform(0.5, 2.5))
     grid = structures[0].grid
-    length = grid.size * grid.voxel_volume / float(grid.fragment_area.sum())
+    length = structures[0].volume / float(grid.fragment_area.sum())
     capacity_per_area = length * float(materials[0].volumetric_heat_capacity)
     end = float(10.0 ** random.uniform(-1.5, 0.5)) * capacity_per_area / h
     starts = tuple(float(random.uniform(250.0, 400.0)) for _ in structures)

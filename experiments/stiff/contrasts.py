@@ -356,7 +356,7 @@ def _landed(scene: jt.Scene, method: Method) -> Iterator[Row]:
 def _no_time(scene: jt.Scene, method: Method) -> Row:
     run = jt.simulate(scene, 0.0, solver=method.solver)
     surface = np.asarray(run.surface_temperature, float)[0]
-    grid = scene.bodies[0].structure.grid
+    grid = scene.bodies[0].structure.voxels
     x = grid.lattice.centres(grid.fragment_voxel)[:, 0]
     start_temperature = np.where(x < 0, HOT, COLD)
     change = float(np.abs(surface - start_temperature).max())

@@ -88,7 +88,7 @@ def heated(name: str, height: int, times: tuple[float, ...]) -> Heated:
         times: saved [s].
     """
     structure = _built(name, height)
-    statue = Sunlit(structure.grid, _STEEL, terms=(_SUN,), save_at=times)
+    statue = Sunlit(structure.voxels, _STEEL, terms=(_SUN,), save_at=times)
     return Heated(structure, statue.solve(structure))
 
 

@@ -22,6 +22,7 @@ from ..report.table import Table
 from ..scene.body_mass import body_mass
 from ..scene.compile.program import Compiled
 from ..scene.scene import Body, Scene
+from ..structures.kinds.sheet import Sheet
 from ..structures.report import StructureReport
 from .summary import peak_memory
 
@@ -36,12 +37,17 @@ def log_scene(
     """Print the bodies, with their `structure_report`, the receipt, and the steps."""
     for body, report in zip(scene.bodies, structures, strict=True):
         grid = body.structure.grid
-        shape = " x ".join(str(n) for n in grid.lattice.shape)
+        edge = f"{grid.pitch * 1e3:.4g} mm"
+        if isinstance(body.structure, Sheet):
+            cells = f"{body.structure.surface_cells:,} cells of {edge} on a surface"
+        else:
+            shape = " x ".join(str(n) for n in grid.lattice.shape)
+            count = body.structure.voxels.solid_count
+            cells = f"{count:,} solid voxels of {edge} in {shape}"
         print_line(console, mesh_summary(grid.mesh))
         print_line(
             console,
-            f"  {grid.solid_count:,} solid voxels of {grid.pitch * 1e3:.4g} mm in "
-            f"{shape}, {len(grid.fragment_area):,} surface fragments",
+            f"  {cells}, {len(grid.fragment_area):,} surface fragments",
         )
         for line in _structure_lines(report):
             print_line(console, f"  {line}")
@@ -107,10 +113,10 @@ def _rates_at_start(compiled: Compiled) -> list[float]:
 
 
 def _sizes(body: Body) -> str:
-    grid = body.structure.grid
+    structure = body.structure
     return (
-        f"{body_mass(body):.4g} kg, {grid.body_volume:.4g} m3, "
-        f"{float(grid.fragment_area.sum()):.4g} m2"
+        f"{body_mass(body):.4g} kg, {structure.volume:.4g} m3, "
+        f"{float(structure.grid.fragment_area.sum()):.4g} m2"
     )
 
 

@@ -174,7 +174,7 @@ def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
             numbers=body_numbers(scene, body, config.time.last),
             mechanisms=mechanism_names(scene),
             geometry=body_config.geometry,
-            surface_cells=body.structure.grid.surface_cells,
+            surface_cells=body.structure.voxels.surface_cells,
         )
         for remark in remarks:
             warnings.append(

@@ -74,7 +74,7 @@ def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
     return _BodyResults(
         mesh=describe_mesh(grid.mesh),
         mass_kg=body_mass(scene.bodies[index]),
-        volume_m3=grid.body_volume,
+        volume_m3=scene.bodies[index].structure.volume,
         area_m2=float(grid.fragment_area.sum()),
         energy=_as_lists(solution.energy.bodies[index]),
         surface_temperature_K={

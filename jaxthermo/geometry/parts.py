@@ -2,11 +2,14 @@
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Int
 
+from ..errors import InputError
 from .files.file_mesh import FileMesh, unique_labels
 from .files.read import read_contents, read_mesh
 from .load import FileScale, file_scale, placed_mesh
@@ -91,3 +94,73 @@ def matching_parts(pattern: str, names: Iterable[str]) -> list[str]:
 
 def _words(name: str) -> list[str]:
     return [name, *re.sub(r"#\d+$", "", name).split("/")]
+
+
+_MAX_LISTED = 12
+"""Largest number of names of parts in a message."""
+
+
+def pattern_of_parts(
+    names: list[str], patterns: list[str], argument: str
+) -> dict[str, str]:
+    """The pattern that is for each part, by the part's name.
+
+    A pattern without "/" matches the node, the mesh or the material of a part; "*" is
+    for all parts that nothing else names.
+
+    Raises:
+        InputError: for a part of no or of several patterns, or a pattern of no part.
+    """
+    listed = ", ".join(names[:_MAX_LISTED])
+    if len(names) > _MAX_LISTED:
+        listed += f" and {len(names) - _MAX_LISTED:,} more (jaxthermo parts lists them)"
+    pattern_of: dict[str, str] = {}
+    for pattern in patterns:
+        matching = [] if pattern == "*" else matching_parts(pattern, names)
+        if not matching and pattern != "*":
+            raise InputError(
+                f"{argument}: there is no part {pattern!r}; there are {listed}"
+            )
+        for name in matching:
+            earlier = pattern_of.setdefault(name, pattern)
+            # A whole name says more than a pattern.
+            if name == pattern:
+                pattern_of[name] = pattern
+            elif earlier not in (name, pattern):
+                raise InputError(
+                    f"{argument}: both {earlier!r} and {pattern!r} match the part "
+                    f"{name!r}: give its whole name"
+                )
+    missing = [name for name in names if name not in pattern_of]
+    if missing and "*" not in patterns:
+        raise InputError(
+            f"{argument}: the part {missing[0]!r} has none: give one for each of "
+            f"{listed}, or '*' for all others"
+        )
+    return {name: pattern_of.get(name, "*") for name in names}
+
+
+class JoinedParts(NamedTuple):
+    """One mesh of several parts."""
+
+    mesh: Mesh
+    face_part: Int[np.ndarray, " f"]
+    """Number of the part that each face belongs to."""
+
+
+def joined_parts(meshes: Sequence[Mesh]) -> JoinedParts:
+    """Concatenate meshes in their order; a single one is returned as it is."""
+    counts = [len(mesh.faces) for mesh in meshes]
+    face_part = np.repeat(np.arange(len(meshes)), counts)
+    if len(meshes) == 1:
+        return JoinedParts(meshes[0], face_part)
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
+    mesh = Mesh(
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate(
+            [mesh.faces + n for mesh, n in zip(meshes, first, strict=True)]
+        ),
+        name=meshes[0].name,
+        axes=meshes[0].axes,
+    )
+    return JoinedParts(mesh, face_part)

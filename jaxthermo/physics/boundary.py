@@ -262,7 +262,8 @@ class HeatFlux(AbstractSurfaceTerm):
         strength = float(largest_size(self._strength, point.end))
         if self.heat_flux is not None:
             return Scale(heat_flux=strength)
-        return Scale(heat_flux=strength / selected_area(self.on, point.grids))
+        grids = [structure.grid for structure in point.structures]
+        return Scale(heat_flux=strength / selected_area(self.on, grids))
 
 
 def _shares_of_all(covers: Sequence[Cover | Omitted]) -> list[Cover | Omitted]:

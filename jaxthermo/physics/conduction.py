@@ -44,9 +44,9 @@ from ..network.network import AbstractNetwork, precise_sum
 from ..network.non_orthogonal import non_orthogonal
 from ..network.nonlinear import NonlinearNetwork
 from ..structures.kinds.full import FullVolume
-from ..structures.partition.assignment import volume_within
 from ..structures.partition.links import link_axes, non_orthogonal_links
 from ..structures.structure import AbstractStructure
+from ..structures.volumes import node_volumes
 from .run_conduction import WITH_NUMBA, run_stencil
 from .stencil_conduction import mixed_stencil, uniform_stencil
 from .varying_conduction import transform_or_none, varying_links
@@ -452,6 +452,5 @@ _MIN_NEAREST_FRACTION = 0.5
 
 def _nearest_volume(structure: AbstractStructure) -> Float[np.ndarray, " n"]:
     """Volume of all solid voxels nearest to each node [m^3], for `nearest_capacity`."""
-    everything = np.ones(structure.grid.solid_count)
     minimum = _MIN_NEAREST_FRACTION * structure.nodes().volume
-    return np.maximum(volume_within(structure, everything), minimum)
+    return np.maximum(node_volumes(structure), minimum)

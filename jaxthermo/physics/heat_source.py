@@ -8,9 +8,8 @@ from typing_extensions import override
 
 from ..arrays import TimeVarying
 from ..errors import InputError
-from ..structures.partition.assignment import volume_within
 from ..structures.structure import AbstractStructure
-from ..voxels.fractions import selected_volume, volume_fractions
+from ..structures.volumes import node_volumes
 from ..voxels.selection import AbstractSpace
 from .surface import Omitted
 from .term import AbstractVolumeTerm, OperatingPoint, Scale
@@ -75,28 +74,37 @@ class HeatSource(AbstractVolumeTerm):
     def named_bodies(self) -> tuple[int, ...]:
         return () if self.within is None else self.within.bodies
 
+    def _volume(self, body: int, structure: AbstractStructure) -> float:
+        """Heated volume of a body [m^3]."""
+        if self.within is None:
+            return structure.volume
+        space = self.within.on_body(body)
+        if space is None:
+            return 0.0
+        assert isinstance(space, AbstractSpace)
+        return float(node_volumes(structure, space).sum())
+
     @override
     def bind(self, structure: AbstractStructure, body: int) -> VolumeBinding | Omitted:
         if self.heat_rate_density is not None and is_zero(self.heat_rate_density):
             return Omitted("the heat rate density is 0")
         if self.heat_rate is not None and is_zero(self.heat_rate):
             return Omitted("the heat rate is 0")
-        grid = structure.grid
-        heated = np.ones(grid.solid_count)
+        space = None
         if self.within is not None:
             space = self.within.on_body(body)
             if space is None:
                 return Omitted("`within` is on another body")
             # Part of a space is a space.
             assert isinstance(space, AbstractSpace)
-            heated = volume_fractions(space, grid)
-        if not heated.any():
+        volume = node_volumes(structure, space)
+        if not volume.any():
             raise InputError(
                 f"HeatSource(within={self.within!r}): no part of body {body} is in it; "
                 "corners are metres in the body's own frame"
             )
         return VolumeBinding(
-            volume=volume_within(structure, heated),
+            volume=volume,
             heat_rate_density=self.heat_rate_density,
             heat_rate=self.heat_rate,
         )
@@ -107,4 +115,5 @@ class HeatSource(AbstractVolumeTerm):
             size = float(largest_size(self.heat_rate_density, point.end))
             return Scale(heat_rate_density=size)
         size = float(largest_size(self.heat_rate, point.end))
-        return Scale(heat_rate_density=size / selected_volume(self.within, point.grids))
+        volume = sum(map(self._volume, range(len(point.structures)), point.structures))
+        return Scale(heat_rate_density=size / volume)

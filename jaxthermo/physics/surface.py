@@ -15,6 +15,7 @@ from ..arrays import Scalar, is_traced, namespace, typed_array
 from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..memo.found import found
+from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.cavities import Cavities
 from ..voxels.fractions import area_fractions
 from ..voxels.grid import VoxelGrid
@@ -73,8 +74,8 @@ class BodySurface:
 
     body: int
     """Number of the body in the scene."""
-    grid: VoxelGrid
-    """Voxels, in the body's own frame, which `Side` and `Region` refer to."""
+    grid: AbstractGrid
+    """Surface in the body's own frame, which `Side` and `Region` refer to."""
     pose: Pose
     position: Float[np.ndarray, "s 3"]
     """Centres of the fragments in the world [m]."""
@@ -113,6 +114,20 @@ class BodySurface:
     def own_normal(self) -> Float[np.ndarray, "s 3"]:
         """Outward unit normals in the body's own frame."""
         return self.grid.fragment_normal
+
+    @property
+    def voxels(self) -> VoxelGrid:
+        """Voxels of a solid body.
+
+        Raises:
+            InputError: for a sheet.
+        """
+        if not isinstance(self.grid, VoxelGrid):
+            raise InputError(
+                f"body {self.body} is a sheet, for which this term has no law: give a "
+                "Convection with its heat transfer coefficient"
+            )
+        return self.grid
 
     def omitted(self, reason: str) -> Omitted:
         """An omission on this body."""
@@ -355,7 +370,7 @@ class _PlacedSurface(NamedTuple):
     triangles: Float[np.ndarray, "f 3 3"]
 
 
-def placed_surface(grid: VoxelGrid, pose: Pose) -> _PlacedSurface:
+def placed_surface(grid: AbstractGrid, pose: Pose) -> _PlacedSurface:
     """Surface of a body in the world, the same arrays at the same pose."""
     mesh = grid.mesh
     return found(
@@ -378,7 +393,7 @@ def scene_triangles(placed: list[_PlacedSurface]) -> Float[np.ndarray, "f 3 3"]:
 
 
 def enclosed_fragments(
-    grids: tuple[VoxelGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
+    grids: tuple[AbstractGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
 ) -> list[Bool[np.ndarray, " _"] | None]:
     """Fragments of each body in a closed cavity, of its own or another body.
 
@@ -395,7 +410,7 @@ def enclosed_fragments(
 
 
 def _enclosed(
-    grids: tuple[VoxelGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
+    grids: tuple[AbstractGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
 ) -> list[Bool[np.ndarray, " _"] | None]:
     enclosed: list[Bool[np.ndarray, " _"] | None] = [None] * len(grids)
     for number, around in enumerate(grids):
@@ -420,7 +435,7 @@ def _enclosed(
 
 
 def _surrounding(
-    cavities: Cavities, around: Pose, grid: VoxelGrid, pose: Pose
+    cavities: Cavities, around: Pose, grid: AbstractGrid, pose: Pose
 ) -> Int[np.ndarray, " s"]:
     """Cavity of another body in which each fragment is, 0 or -1 for none."""
     # The voxels of a wall may cover a fragment that is closer to it than a voxel. Half

@@ -21,7 +21,7 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Bool, Float
 
-from ..voxels.grid import VoxelGrid
+from ..structures.structure import AbstractStructure
 from ..voxels.selection import AbstractSelection
 from .flux_law import Forcing
 from .surface import Binding, BodySurface, Omitted, Surface
@@ -61,8 +61,8 @@ class OperatingPoint(NamedTuple):
     """Temperature of the body [K]."""
     end: float
     """End of the run [s]."""
-    grids: tuple[VoxelGrid, ...]
-    """Voxels of all bodies of the scene."""
+    structures: tuple[AbstractStructure, ...]
+    """Structures of all bodies of the scene."""
 
 
 class AbstractTerm(Module):

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ..structures.partition.assignment import volume_within
+from ..structures.kinds.sheet import Sheet
+from ..structures.volumes import node_volumes
 from .scene import AbstractMaterials, Body
 
 
@@ -10,8 +11,11 @@ def body_mass(body: Body) -> float:
     """Mass of a body whose densities are known [kg]: the sum of rho V of its nodes."""
     structure = body.structure
     material = body.material
+    if isinstance(structure, Sheet):
+        return structure.mass
     if not isinstance(material, AbstractMaterials):
-        return float(material.density) * structure.grid.body_volume
-    volume = volume_within(structure, np.ones(structure.grid.solid_count))
+        assert material is not None
+        return float(material.density) * structure.volume
     density = np.asarray(material.table("density", float))
+    volume = node_volumes(structure)
     return float((density[material.of_nodes(structure)] * volume).sum())

@@ -10,7 +10,7 @@ from ..arrays import Numbers, is_traced, namespace
 from ..errors import InputError
 from ..material.table import emissivity_row
 from ..physics.flux_law import Values
-from ..voxels.grid import VoxelGrid
+from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.selection import AbstractSelection
 
 
@@ -80,7 +80,7 @@ class Coating(Module):
         return self.given_absorptivity
 
     def over(
-        self, below: Float[Values, "*_"], field: str, grid: VoxelGrid
+        self, below: Float[Values, "*_"], field: str, grid: AbstractGrid
     ) -> Float[Values, "*s"]:
         """A property of the coating where it is, and of the surface below elsewhere.
 

@@ -31,7 +31,7 @@ def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
 def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     """Biot, Fourier, voxels across and heating of one body of the scene."""
     grid = body.structure.grid
-    volume = grid.body_volume
+    volume = body.structure.volume
     length = float(volume / grid.fragment_area.sum())
     # Of several materials the base one stands for the body.
     material: Any = getattr(body.material, "materials", (body.material,))[0]
@@ -45,7 +45,7 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
         material=material,
         kelvin=kelvin,
         end=end,
-        grids=tuple(body.structure.grid for body in scene.bodies),
+        structures=tuple(body.structure for body in scene.bodies),
     )
     scales = [term.scale(point) for term in scene.terms]
     flux = sum(

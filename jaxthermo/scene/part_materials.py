@@ -2,17 +2,12 @@
 
 from collections.abc import Mapping
 
-from ..errors import InputError
 from ..geometry.mesh import Mesh
-from ..geometry.parts import matching_parts
+from ..geometry.parts import pattern_of_parts
 from ..material.material import Material
 from ..voxels.grid import VoxelGrid
 from ..voxels.parts import part_labels
 from .scene import MaterialLabels
-
-
-_MAX_LISTED = 12
-"""Largest number of names of parts in a message."""
 
 
 def materials_by_part(
@@ -40,39 +35,8 @@ def materials_by_part(
         >>> labels[:, 0, 0].tolist()
         [1, 1, 1, 1, 0, 0, 0, 0]
     """
-    patterns = _pattern_of_parts(list(parts), list(materials))
+    patterns = pattern_of_parts(list(parts), list(materials), "materials")
     # One entry for each part: two parts may be of one material.
     by_part = [materials[patterns[name]] for name in parts]
     labels = part_labels(grid, list(parts.values()))
     return MaterialLabels(labels, given=tuple(by_part), names=tuple(parts))
-
-
-def _pattern_of_parts(names: list[str], patterns: list[str]) -> dict[str, str]:
-    """The pattern that says the material of each part, by the part's name."""
-    listed = ", ".join(names[:_MAX_LISTED])
-    if len(names) > _MAX_LISTED:
-        listed += f" and {len(names) - _MAX_LISTED:,} more (jaxthermo parts lists them)"
-    pattern_of: dict[str, str] = {}
-    for pattern in patterns:
-        matching = [] if pattern == "*" else matching_parts(pattern, names)
-        if not matching and pattern != "*":
-            raise InputError(
-                f"materials: there is no part {pattern!r}; there are {listed}"
-            )
-        for name in matching:
-            earlier = pattern_of.setdefault(name, pattern)
-            # A whole name says more than a pattern.
-            if name == pattern:
-                pattern_of[name] = pattern
-            elif earlier not in (name, pattern):
-                raise InputError(
-                    f"materials: both {earlier!r} and {pattern!r} match the part "
-                    f"{name!r}: give its whole name"
-                )
-    missing = [name for name in names if name not in pattern_of]
-    if missing and "*" not in patterns:
-        raise InputError(
-            f"materials: the part {missing[0]!r} has none: give one for each of "
-            f"{listed}, or '*' for all others"
-        )
-    return {name: pattern_of.get(name, "*") for name in names}

@@ -18,9 +18,12 @@ from ..geometry.mesh import Pose
 from ..material.material import Material, Property
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
+from ..sheets.sheet_grid import SheetGrid
+from ..structures.kinds.sheet import Sheet
 from ..structures.partition.assignment import voxel_owner
-from ..structures.structure import AbstractStructure
+from ..structures.structure import AbstractStructure, AbstractVoxelStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
+from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection, Region
 from .coating import Coating
@@ -76,7 +79,7 @@ class MaterialMap(AbstractMaterials):
 
     def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
         """Material number at the centre of each fragment's voxel."""
-        return self.number(grid.lattice.centres(grid.fragment_voxel))
+        return self.number(grid.fragment_centre)
 
 
 class MaterialLabels(AbstractMaterials):
@@ -103,7 +106,7 @@ class MaterialLabels(AbstractMaterials):
             InputError: unless every voxel has the number of an existing material.
         """
         labels = np.asarray(self.labels)
-        solid = structure.grid.solid
+        solid = structure.voxels.solid
         if not np.issubdtype(labels.dtype, np.integer) or labels.shape != solid.shape:
             raise InputError(
                 f"material labels: got {labels.dtype} values of shape {labels.shape}: "
@@ -117,6 +120,7 @@ class MaterialLabels(AbstractMaterials):
                 f"material labels: {solid_labels.min()} to {solid_labels.max()}, and "
                 f"there are {count} materials: number them from 0"
             )
+        assert isinstance(structure, AbstractVoxelStructure)
         owner = voxel_owner(structure)
         pair = owner[owner >= 0].astype(np.int64) * count + solid_labels[owner >= 0]
         votes = np.bincount(pair, minlength=structure.node_count * count)
@@ -138,7 +142,8 @@ class Body(Module):
     """
 
     structure: AbstractStructure
-    material: Material | AbstractMaterials
+    material: Material | AbstractMaterials | None = None
+    """Material of a solid; None for a sheet, whose layers have theirs."""
     temperature: PositionVarying = eqx.field(kw_only=True)
     """Initial T [K], a number or a function of positions [n 3] (own frame, m)."""
     pose: Pose | Motion = eqx.field(kw_only=True, default=Pose())
@@ -158,12 +163,7 @@ class Body(Module):
             argument="Body(structure=)",
             give="a structure, such as FullVolume(grid)",
         )
-        require(
-            self.material,
-            classes=(Material, AbstractMaterials),
-            argument="Body(material=)",
-            give='a material: Material(...), or materials["copper"]',
-        )
+        self._check_material()
         require(
             self.pose,
             classes=(Pose, Motion),
@@ -178,12 +178,6 @@ class Body(Module):
         )
         if self.inside not in ("closed", "open"):
             raise InputError(f"Body(inside={self.inside!r}): give 'closed' or 'open'")
-        if not self.structure.grid.solid.any():
-            raise InputError(
-                f"Body({type(self.structure).__name__}): its grid of "
-                f"{' x '.join(map(str, self.structure.grid.solid.shape))} voxels has "
-                "no solid voxel; voxelize a closed mesh at a finer pitch"
-            )
         if callable(self.temperature) or is_traced(self.temperature):
             return
         try:
@@ -194,6 +188,28 @@ class Body(Module):
             raise InputError(
                 f"Body(temperature={self.temperature!r}): give kelvin, as a "
                 "number or a function of positions"
+            )
+
+    def _check_material(self) -> None:
+        if isinstance(self.structure, Sheet):
+            if self.material is not None:
+                raise InputError(
+                    "Body(material=): the layers of a sheet have their materials: "
+                    "leave it out"
+                )
+            return
+        require(
+            self.material,
+            classes=(Material, AbstractMaterials),
+            argument="Body(material=)",
+            give='a material: Material(...), or materials["copper"]',
+        )
+        solid = self.structure.voxels.solid
+        if not solid.any():
+            raise InputError(
+                f"Body({type(self.structure).__name__}): its grid of "
+                f"{' x '.join(map(str, solid.shape))} voxels has no solid voxel; "
+                "voxelize a closed mesh at a finer pitch"
             )
 
 
@@ -365,6 +381,8 @@ class BodyGeometry:
     fragment_part: Int[np.ndarray, " s"] | None = None
     """Number of the named part of each fragment; None for a body without parts."""
     part_names: tuple[str, ...] = ()
+    is_two_sided: bool = False
+    """True if both sides of every triangle are surfaces: those of a thin wall."""
 
     @property
     def placed(self) -> Pose:
@@ -378,16 +396,20 @@ class BodyGeometry:
 
 
 def body_geometry(
-    grid: VoxelGrid,
+    grid: AbstractGrid,
     pose: Pose | Motion,
     material: Material | AbstractMaterials | None = None,
 ) -> BodyGeometry:
-    """The part of a voxel grid that a camera needs after the run."""
+    """The part of a body's surface that a camera needs after the run."""
     fragment_part = None
     names = ()
     if isinstance(material, MaterialLabels):
+        assert isinstance(grid, VoxelGrid)
         fragment_part = np.asarray(material.of_fragments(grid), np.int32)
         names = material.names or tuple(map(str, range(len(material.given))))
+    if isinstance(grid, SheetGrid) and grid.part_names:
+        fragment_part = grid.fragment_part.astype(np.int32)
+        names = grid.part_names
     return BodyGeometry(
         vertices=grid.mesh.vertices,
         faces=grid.mesh.faces,
@@ -398,6 +420,7 @@ def body_geometry(
         pose=pose,
         fragment_part=fragment_part,
         part_names=names,
+        is_two_sided=grid.is_two_sided,
     )
 
 

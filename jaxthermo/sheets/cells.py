@@ -69,9 +69,11 @@ class SheetFragments(NamedTuple):
     """Area [m^2]; the areas of a node and part add up to `SheetCells.area`."""
     part: Int[np.ndarray, " s"]
     """Part of the mesh."""
+    of_corner: Int[np.ndarray, "t 3"]
+    """Fragment of the third of every triangle that is nearest to each corner."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SheetCells:
     """Nodes, links and fragments of a surface, before it has a thickness."""
 
@@ -262,9 +264,7 @@ def _positions(
     middle = vertices[ends].mean(axis=1, keepdims=True)
     half_position = ((vertices[ends] + middle) / 2).reshape(-1, 3)
     corner_points = vertices[triangles.faces]
-    # Centroid of the third of a triangle that is nearest to a corner.
-    centroid = corner_points.mean(axis=1, keepdims=True)
-    third_position = (5 * corner_points + 7 * centroid) / 12
+    third_position = corner_thirds(corner_points)
     position = np.zeros((count, 3))
     for node, weight, points in [
         (
@@ -334,9 +334,7 @@ def _fragments(
     key = (corner_node * parts + triangles.part[:, None]).ravel()
     normal = np.repeat(triangles.normal, 3, axis=0)
     area = np.repeat(triangles.area / 3, 3)
-    points = triangles.vertices[triangles.faces]
-    centroid = points.mean(axis=1, keepdims=True)
-    third = ((5 * points + 7 * centroid) / 12).reshape(-1, 3)
+    third = corner_thirds(triangles.vertices[triangles.faces]).reshape(-1, 3)
     fragment = _similar_normals(key, normal)
     count = int(fragment.max()) + 1
     total = np.bincount(fragment, area, count)
@@ -348,13 +346,22 @@ def _fragments(
     )
     _, first = np.unique(fragment, return_index=True)
     order = np.argsort(key[first], kind="stable")
+    rank = np.empty(count, np.int64)
+    rank[order] = np.arange(count)
     return SheetFragments(
         node=key[first][order] // parts,
         position=position[order],
         normal=unit_vectors(mean_normal)[order],
         area=total[order],
         part=key[first][order] % parts,
+        of_corner=rank[fragment].reshape(-1, 3),
     )
+
+
+def corner_thirds(triangles: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 3 3"]:
+    """Centroids of the thirds of triangles that are nearest to their corners [m]."""
+    centroid = triangles.mean(axis=1, keepdims=True)
+    return (5 * triangles + 7 * centroid) / 12
 
 
 def _similar_normals(

@@ -61,7 +61,7 @@ def structure_report(
         kind=type(structure).__name__,
         options={name: getattr(structure, name) for name in options},
         pitch_m=float(structure.grid.pitch),
-        solid_voxels=structure.grid.solid_count,
+        solid_voxels=structure.voxels.solid_count,
         nodes=structure.node_count,
         links=structure.link_count,
         fragments=len(structure.grid.fragment_area),

@@ -17,8 +17,9 @@ from equinox import Module
 from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
-from ..errors import require
+from ..errors import InputError, require
 from ..memo.found import found
+from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.grid import VoxelGrid
 from .weights import ConductionWeights, as_weights
 
@@ -89,13 +90,10 @@ def check_grid(grid: Any, structure: str) -> None:
 class AbstractStructure(Module):
     """Nodes, links and surface of one body."""
 
-    grid: eqx.AbstractVar[VoxelGrid]
-    """Voxels of the body."""
+    grid: eqx.AbstractVar[AbstractGrid]
+    """Surface of the body."""
     weights: eqx.AbstractVar[ConductionWeights]
     """Factors of conductances and capacities; the default is the two-point flux."""
-
-    def __check_init__(self):
-        check_grid(self.grid, type(self).__name__)
 
     @property
     @abc.abstractmethod
@@ -119,9 +117,22 @@ class AbstractStructure(Module):
     def fragment_node(self) -> Int[np.ndarray, " s"]:
         """Node of each surface fragment of the grid."""
 
+    @property
     @abc.abstractmethod
-    def voxel_node(self) -> Int[np.ndarray, " v"]:
-        """Node of each solid voxel in lattice order; -1 for none."""
+    def volume(self) -> float:
+        """Volume of the body [m^3]."""
+
+    @property
+    def voxels(self) -> VoxelGrid:
+        """Voxels of a solid body.
+
+        Raises:
+            InputError: for a sheet, which has none.
+        """
+        raise InputError(
+            f"a {type(self).__name__} has no voxels: this needs a solid body, such as "
+            "FullVolume(grid)"
+        )
 
     @property
     @abc.abstractmethod
@@ -197,7 +208,7 @@ class AbstractStructure(Module):
     def _fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         grid = self.grid
         location = self.nodes().location
-        voxel = grid.lattice.centres(grid.fragment_voxel)
+        voxel = grid.fragment_centre
         return voxel - location[self.fragment_node()]
 
     def fragment_distance(self) -> Float[np.ndarray, " s"]:
@@ -212,7 +223,31 @@ class AbstractStructure(Module):
         return (self.grid.pitch / 2 if depth is None else depth) + np.maximum(along, 0)
 
 
-class AbstractBuiltStructure(AbstractStructure):
+class AbstractVoxelStructure(AbstractStructure):
+    """Structure of the voxels of a solid body."""
+
+    grid: eqx.AbstractVar[VoxelGrid]
+    """Voxels of the body."""
+
+    def __check_init__(self):
+        check_grid(self.grid, type(self).__name__)
+
+    @abc.abstractmethod
+    def voxel_node(self) -> Int[np.ndarray, " v"]:
+        """Node of each solid voxel in lattice order; -1 for none."""
+
+    @property
+    @override
+    def volume(self) -> float:
+        return self.grid.body_volume
+
+    @property
+    @override
+    def voxels(self) -> VoxelGrid:
+        return self.grid
+
+
+class AbstractBuiltStructure(AbstractVoxelStructure):
     """Structure whose arrays are all computed at construction."""
 
     grid: VoxelGrid = eqx.field(static=True)

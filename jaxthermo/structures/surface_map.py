@@ -338,7 +338,7 @@ class LinearMap(AbstractSurfaceMap):
         offset = structure.fragment_offset()
         if self.at == "surface":
             grid = structure.grid
-            voxel = grid.lattice.centres(grid.fragment_voxel)
+            voxel = grid.fragment_centre
             offset = offset + grid.fragment_foot - voxel
         return _with_gradient(
             structure, offset=offset, along_flux=None, at=self.at, dtype=dtype

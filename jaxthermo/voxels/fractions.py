@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 
 from ..geometry.mesh import Mesh
 from ..memo.found import found
+from .abstract_grid import AbstractGrid
 from .grid import VoxelGrid
 from .selection import AbstractSelection, AbstractSpace, SurfaceSamples, spread_points
 from .surface import face_axes
@@ -94,7 +95,7 @@ def _fractions_of_boxes(
 
 
 def selected_area(
-    selection: AbstractSelection | None, grids: Sequence[VoxelGrid]
+    selection: AbstractSelection | None, grids: Sequence[AbstractGrid]
 ) -> float:
     """Area of the bodies of a scene that is selected [m^2]; of all for None."""
     if selection is None:
@@ -107,30 +108,17 @@ def selected_area(
     return area
 
 
-def selected_volume(space: AbstractSpace | None, grids: Sequence[VoxelGrid]) -> float:
-    """Volume of the bodies of a scene within a part of space [m^3]; all for None."""
-    if space is None:
-        return sum(grid.body_volume for grid in grids)
-    volume = 0.0
-    for body, grid in enumerate(grids):
-        in_body = space.on_body(body)
-        if in_body is not None:
-            # Part of a space is a space.
-            assert isinstance(in_body, AbstractSpace)
-            voxel_volumes = grid.volume_at(np.argwhere(grid.solid))
-            volume += float(volume_fractions(in_body, grid) @ voxel_volumes)
-    return volume
-
-
 def area_fractions(
-    selection: AbstractSelection, grid: VoxelGrid
+    selection: AbstractSelection, grid: AbstractGrid
 ) -> Float[np.ndarray, " s"]:
     """Fraction of each surface fragment that is selected."""
-    return found(
-        (grid,),
-        _key("area_fractions", selection),
-        lambda: _area_fractions(selection, grid),
-    )
+
+    def find() -> Float[np.ndarray, " s"]:
+        if isinstance(grid, VoxelGrid):
+            return _area_fractions(selection, grid)
+        return grid.selected_fraction(selection)
+
+    return found((grid,), _key("area_fractions", selection), find)
 
 
 def _area_fractions(

@@ -6,9 +6,11 @@ from typing import Any, TypedDict
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from typing_extensions import override
 from wadler_lindig import TextDoc
 
 from ..geometry.mesh import Mesh, connected_labels, part_volumes
+from .abstract_grid import AbstractGrid
 from .cavities import Cavities, find_cavities
 from .cut_voxels import CutVoxels
 from .lattice import Lattice
@@ -32,7 +34,7 @@ class LayerCounts:
 
 # Without the representation of dataclasses, which prints the first voxels.
 @dataclass(frozen=True, eq=False, repr=False)
-class VoxelGrid:
+class VoxelGrid(AbstractGrid):
     """Solid voxels of a body, with surface fragments that have true areas.
 
     A fragment is the point of the mesh where the ray through a column of voxel centres
@@ -89,11 +91,6 @@ class VoxelGrid:
         return TextDoc(repr(self))
 
     @property
-    def pitch(self) -> float:
-        """Edge of a voxel [m]."""
-        return self.lattice.pitch
-
-    @property
     def origin(self) -> Float[np.ndarray, "3"]:
         """Lowest corner of the lattice [m]."""
         return self.lattice.origin
@@ -103,7 +100,13 @@ class VoxelGrid:
         """Number of solid voxels."""
         return int(np.count_nonzero(self.solid))
 
+    @property
+    @override
+    def fragment_centre(self) -> Float[np.ndarray, "s 3"]:
+        return self.lattice.centres(self.fragment_voxel)
+
     @cached_property
+    @override
     def fragment_foot(self) -> Float[np.ndarray, "s 3"]:
         """Point of the surface whose temperature each fragment has [m].
 
@@ -112,7 +115,7 @@ class VoxelGrid:
         """
         if self.fragment_depth is None:
             return self.fragment_position
-        centre = self.lattice.centres(self.fragment_voxel)
+        centre = self.fragment_centre
         # Not by `fragment_depth`, which is at least a tenth of a voxel.
         above = (self.fragment_position - centre) * self.fragment_normal
         return centre + above.sum(axis=1, keepdims=True) * self.fragment_normal
@@ -122,6 +125,7 @@ class VoxelGrid:
         return (self.fragment_axis == axis) & (self.fragment_layer[:, 1] >= 0)
 
     @cached_property
+    @override
     def cavities(self) -> Cavities | None:
         """Closed cavities of the body; None if there are none."""
         # A ray through a cavity crosses the surface four times, and two of the three
@@ -131,6 +135,7 @@ class VoxelGrid:
         return find_cavities(self.solid, self.lattice)
 
     @cached_property
+    @override
     def fragment_cavity(self) -> Int[np.ndarray, " s"]:
         """Number of the closed cavity that each fragment faces; 0 for none."""
         if self.cavities is None:
@@ -138,6 +143,7 @@ class VoxelGrid:
         return self.cavities.faced(self.fragment_position, self.fragment_normal)
 
     @cached_property
+    @override
     def opened_area(self) -> float:
         """Area of the mesh's closed cavities that are open in the voxels [m^2]."""
         # Only walls thinner than a voxel have holes, and few bodies have such walls.
@@ -155,6 +161,11 @@ class VoxelGrid:
         return float(self.pitch**3 * self.volume_ratio)
 
     @property
+    @override
+    def cut_voxel_count(self) -> int:
+        return 0 if self.cut is None or self.cut.is_empty else len(self.cut.voxel)
+
+    @property
     def surface_cells(self) -> str:
         """Kind of the surface: "crossings" or "dominant_axis"."""
         return "dominant_axis" if self.cut is None else "crossings"
@@ -165,6 +176,7 @@ class VoxelGrid:
         return None if self.cut is None else self.cut.spread(self.solid)
 
     @cached_property
+    @override
     def represented(self) -> Represented | None:
         """True against represented; None for whole voxels and meshes not closed."""
         if self.cut is None or self.unscaled_because:
@@ -175,6 +187,7 @@ class VoxelGrid:
         )
 
     @cached_property
+    @override
     def area_uncertainty(self) -> float:
         """Relative error of the area that 97 of 100 bodies do not exceed [-].
 
@@ -188,6 +201,7 @@ class VoxelGrid:
         return min(1.5 * cells**-0.75, 1.0) if cells else 1.0
 
     @cached_property
+    @override
     def thin_conduction(self) -> ThinConduction | None:
         """Conduction along parts of up to two voxels; None if there are hardly any."""
         if self.cut is None or self.unscaled_because or self.solid_volumes is None:
@@ -204,11 +218,6 @@ class VoxelGrid:
                 fragment_area=self.fragment_area,
             )
         )
-
-    @cached_property
-    def cavity_area(self) -> float:
-        """Area of the fragments in closed cavities [m^2]."""
-        return float(self.fragment_area[self.fragment_cavity > 0].sum())
 
     @cached_property
     def size(self) -> float:
@@ -245,6 +254,7 @@ class VoxelGrid:
             weights = fraction[inside] * volumes
         return np.bincount(group[inside], weights, count) * self.voxel_volume
 
+    @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Flag the points (in the body's frame) that lie in a solid voxel."""
         cells = self.lattice.to_cells(points)

@@ -129,7 +129,7 @@ def ball_on_head(height: int) -> _BallOnHead:
     scene = config.build()
     return _BallOnHead(
         config=config,
-        head=scene.bodies[HEAD].structure.grid,
+        head=scene.bodies[HEAD].structure.voxels,
         pairs=_contact_pairs(scene),
         solution=jt.simulate(scene, TIMES[-1], TIMES, solver=config.solver.build()),
     )

@@ -76,7 +76,7 @@ def _areas_of_contact(quick: bool) -> Finding:
         for row in (lens[-1], disc[-1])
         for method in _METHODS
     )
-    grid = two_cylinders(_SHOWN).a.grid
+    grid = two_cylinders(_SHOWN).a.voxels
     coarse = next(row for row in disc if row["voxels_across"] == _COARSE)
     # Of a plate thinner than the threshold.
     thin = contact_areas(ball_on_plate(_SHOWN, _FIXED, _FIXED / 2), _FIXED)
@@ -144,7 +144,7 @@ def _cylinder_textures() -> Image.Image:
     """The steps of the figure, from the bodies to the texture of A."""
     touching = two_cylinders(_SHOWN)
     a, b = touching
-    grid = a.grid
+    grid = a.voxels
     height = grid.lattice.to_cells(grid.fragment_position)[:, 2]
     texture = enlarged(packed_images(grid, 2, _grey(height, grid))[-1], _EDGE)
     layers = rendered(a, b, 2)
@@ -179,7 +179,7 @@ def _bodies(touching: Touching, size: int) -> np.ndarray:
 
 def _texture_tile(body: PlacedGrid, texels: np.ndarray, name: str) -> Tile:
     colours = np.array([_SURFACE, _CONTACT], np.uint8)[texels.astype(int)]
-    layer = packed_images(body.grid, 2, colours)[-1]
+    layer = packed_images(body.voxels, 2, colours)[-1]
     return Tile(enlarged(layer, _EDGE), name, f"{np.count_nonzero(texels)} in contact")
 
 
@@ -268,7 +268,7 @@ def touching_texels(
     a: PlacedGrid, b: PlacedGrid, threshold: float
 ) -> Bool[np.ndarray, " s"]:
     """Texels of A with a depth of B within a threshold [m] of theirs (5.3)."""
-    grid = a.grid
+    grid = a.voxels
     is_touching = np.zeros(len(grid.fragment_area), bool)
     cells = grid.lattice.to_cells(grid.fragment_position)
     within = threshold / a.pitch

@@ -190,7 +190,7 @@ def _irregular_and_full(quick: bool) -> Finding:
     error = difference(nested, full)
     by_place = {
         name: _error_in(nested, full, is_there)
-        for name, is_there in hand_of_surface(full.structure.grid).items()
+        for name, is_there in hand_of_surface(full.structure.voxels).items()
     }
     hand = by_place["left hand"]
     # The sun heats that side most: only what is relative to its own rise is the hand's.

@@ -18,6 +18,7 @@ from scipy.spatial import KDTree
 from ...errors import InputError
 from ...geometry.vectors import row_dot
 from ...memo.stored import stored_search
+from ...voxels.grid import VoxelGrid
 from .rays import PlacedGrid
 
 
@@ -82,6 +83,9 @@ def find_overlaps(
 
 @stored_search("overlap", (Overlap,))
 def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
+    # A sheet has no volume.
+    if not all(isinstance(bodies[n].grid, VoxelGrid) for n in (i, j)):
+        return None
     # The finer body's voxels are counted.
     finer, coarser = sorted((i, j), key=lambda number: bodies[number].pitch)
     a = bodies[finer]
@@ -97,7 +101,7 @@ def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
     deepest = int(depths.argmax())
     is_deep = bool(depths[deepest] > b.pitch * (1 + _ROUNDING))
     volume = len(points) * a.pitch**3
-    sizes = [body.grid.solid_count * body.pitch**3 for body in (a, b)]
+    sizes = [body.voxels.solid_count * body.pitch**3 for body in (a, b)]
     for inner, outer, size in zip(
         (finer, coarser), (coarser, finer), sizes, strict=True
     ):
@@ -141,7 +145,7 @@ def _centres_near(
 ) -> Iterator[Float[np.ndarray, "n 3"]]:
     """Centres of a body's solid voxels near another body, in the world [m]."""
     lattice = body.grid.lattice
-    solid = body.grid.solid
+    solid = body.voxels.solid
     low, high = neighbour.world_bounds
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), -1).reshape(-1, 3)
     cells = lattice.to_cells(body.pose.to_body(corners))

@@ -23,6 +23,7 @@ from ...geometry.mesh import Pose
 from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...host_memory import require_memory
 from ...raster.fragments import DepthLayers, expected_fragments, peel
+from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.grid import VoxelGrid
 from ...voxels.lattice import BYTES_PER_FRAGMENT, Lattice, pixel_axes
 from ...voxels.surface import face_axes
@@ -49,9 +50,9 @@ _AXIS_DIRECTIONS = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
 
 @dataclass(frozen=True, eq=False)
 class PlacedGrid:
-    """Voxel grid of a body with its pose, and its name in messages."""
+    """Grid of a body with its pose, and its name in messages."""
 
-    grid: VoxelGrid
+    grid: AbstractGrid
     pose: Pose = field(default_factory=Pose)
     name: str = "body"
 
@@ -59,6 +60,17 @@ class PlacedGrid:
     def pitch(self) -> float:
         """Edge of a voxel [m]."""
         return self.grid.pitch
+
+    @property
+    def voxels(self) -> VoxelGrid:
+        """Voxels of a solid body.
+
+        Raises:
+            InputError: for a sheet.
+        """
+        if not isinstance(self.grid, VoxelGrid):
+            raise InputError(f"{self.name} is a sheet: contact needs solid bodies")
+        return self.grid
 
     @cached_property
     def world_fragments(self) -> Float[np.ndarray, "s 3"]:
@@ -124,7 +136,7 @@ def ray_hits(
     )
     dominant = face_axes(a.grid.mesh)[1]
     position = lattice.to_cells(a.grid.fragment_position[near])
-    axes = a.grid.fragment_axis[near]
+    axes = a.voxels.fragment_axis[near]
     hits = []
     for axis in np.unique(axes).tolist():
         points = position[axes == axis]
@@ -342,7 +354,7 @@ def _on_ray(rays: _Rays, cells, normal, offset):
 def _depth_in(body: PlacedGrid, target: PlacedGrid) -> float:
     """Depth of a body's fragments in another one [m]; 0 if all are outside."""
     # The shortest way out of its voxels along the axes of its lattice, to half a voxel.
-    solid = np.pad(target.grid.solid, 1)
+    solid = np.pad(target.voxels.solid, 1)
     points = body.world_fragments
     points = target.pose.to_body(points[target.contains(points)])
     if not len(points):
@@ -362,7 +374,7 @@ def _depth_in(body: PlacedGrid, target: PlacedGrid) -> float:
 
 def _fraction_inside(body: PlacedGrid, target: PlacedGrid) -> float:
     """Fraction of a body's fragments with a voxel centre inside another body."""
-    voxels = body.grid.lattice.centres(body.grid.fragment_voxel)
+    voxels = body.grid.fragment_centre
     return float(target.contains(body.pose.to_world(voxels)).mean())
 
 

@@ -255,8 +255,8 @@ def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPai
         return no_contact
     hits = ray_hits(a, b=b, near=near, limits=limits)
     in_b = b.pose.to_body(a.pose.to_world(hits.point_b))
-    shares_a = fragment_shares(a.grid, hits.point_a, hits.triangle_a)
-    shares_b = fragment_shares(b.grid, in_b, hits.triangle_b)
+    shares_a = fragment_shares(a.voxels, hits.point_a, hits.triangle_a)
+    shares_b = fragment_shares(b.voxels, in_b, hits.triangle_b)
     touches = [
         (index_a, index_b, hits.area * share_a * share_b)
         for (index_a, share_a), (index_b, share_b) in product(shares_a, shares_b)

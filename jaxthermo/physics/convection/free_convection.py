@@ -288,7 +288,7 @@ class FreeConvection(AbstractSurfaceTerm):
 
     def _law(self, body: BodySurface) -> "_BodyLaw":
         """Law of one body by its shape."""
-        shape = shape_of(body.grid, self.body_shape, self.cylinders, body.body)
+        shape = shape_of(body.voxels, self.body_shape, self.cylinders, body.body)
         up = body.pose.rotate_back(np.array([0.0, 0.0, 1.0]))
         if isinstance(shape, Plate):
             return _BodyLaw(
@@ -301,7 +301,7 @@ class FreeConvection(AbstractSurfaceTerm):
             per_length = np.full(len(body.area), 1 / diameter)
             line = f"a sphere with L = {_metres(diameter)}, its diameter (Churchill)"
             return _BodyLaw(SphereExchange, {"per_length": per_length}, line)
-        cylinder_parts = parts_of(body.grid, self.cylinders, body.body)
+        cylinder_parts = parts_of(body.voxels, self.cylinders, body.body)
         factors = [
             self._cylinder_factors(cylinder, up)
             for cylinder in cylinder_parts.cylinders

@@ -305,7 +305,7 @@ class Wind(AbstractSurfaceTerm):
     def _flow(self, surface: BodySurface, cooled: Bool[np.ndarray, " s"]) -> "_Flow":
         wakes = self._wakes(surface)
         shape = shape_of(
-            surface.grid, self.body_shape, self.cylinders, body=surface.body
+            surface.voxels, self.body_shape, self.cylinders, body=surface.body
         )
         numbers = ()
         if shape is not None:
@@ -342,7 +342,7 @@ class Wind(AbstractSurfaceTerm):
     def _groups(
         self, surface: BodySurface, wakes: Wakes | WakeGeometry, is_whole: bool
     ) -> FlowGroups:
-        grid = surface.grid
+        grid = surface.voxels
         number = surface.body
         cylinders = tuple(c for c in self.cylinders if c.body == number)
         # Without a wake, and in a fitted one, the groups are the cylinders.

@@ -23,8 +23,10 @@ from ...physics.conduction import (
     surface_conductivity,
 )
 from ...physics.flux_law import Forcing, Values
+from ...physics.sheet_conduction import sheet_network
 from ...physics.time_varying import check_temperature
 from ...structures.kinds.full import FullVolume
+from ...structures.kinds.sheet import Sheet
 from ...voxels.sharded_lattice import padded_places
 from ..scene import AbstractMaterials, Body, Scene
 
@@ -115,7 +117,9 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     structure = body.structure
     material = body.material
     reference, theta = _initial(number, body, dtype)
-    if isinstance(material, AbstractMaterials):
+    if isinstance(structure, Sheet):
+        network = sheet_network(structure, dtype)
+    elif isinstance(material, AbstractMaterials):
         network = materials_network(
             structure,
             number=material.of_nodes(structure),
@@ -124,6 +128,7 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
             dtype=dtype,
         )
     else:
+        assert material is not None
         network = material_network(
             structure, material=material, reference=reference, dtype=dtype
         )
@@ -143,10 +148,12 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
 def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | None:
     grid = body.structure.grid
     material = body.material
+    if material is None:
+        return None
     number = np.zeros(len(grid.fragment_area), np.int32)
     materials: tuple = (material,)
     if isinstance(material, AbstractMaterials):
-        number = material.of_fragments(grid)
+        number = material.of_fragments(body.structure.voxels)
         materials = material.materials
     return conductivity_parts(
         materials,
@@ -193,8 +200,11 @@ def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
     material = body.material
     grid = body.structure.grid
     # One material needs no array of its property.
-    if isinstance(material, AbstractMaterials):
-        values = material.table(field, dtype)[material.of_fragments(grid)]
+    if isinstance(body.structure, Sheet):
+        values = body.structure.face_values(field, dtype)
+    elif isinstance(material, AbstractMaterials):
+        number = material.of_fragments(body.structure.voxels)
+        values = material.table(field, dtype)[number]
     else:
         value = getattr(material, field)
         xp = namespace(value)
@@ -210,11 +220,14 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     structure = body.structure
     material = body.material
     grid = structure.grid
+    if isinstance(structure, Sheet):
+        return grid.fragment_area.astype(dtype) / structure.face_resistance(dtype)
     if isinstance(material, AbstractMaterials):
         table = conductivity_table(material.materials, reference, dtype)
-        by_fragment = table[material.of_fragments(grid)]
+        by_fragment = table[material.of_fragments(structure.voxels)]
         k = normal_conductivity(by_fragment, grid.fragment_normal)
     else:
+        assert material is not None
         k = surface_conductivity(material.at(reference), grid.fragment_normal, dtype)
     # Area over distance to the node [m].
     return k * (grid.fragment_area / structure.fragment_distance()).astype(dtype)

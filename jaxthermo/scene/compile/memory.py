@@ -217,7 +217,7 @@ def with_memory_of(
 def _counts(structure: AbstractStructure) -> _Parts:
     grid = structure.grid
     is_stencil = len(structure.state_shape) == 3
-    cut = 0 if grid.cut is None or grid.cut.is_empty else len(grid.cut.voxel)
+    cut = grid.cut_voxel_count
     values = int(np.prod(structure.state_shape, dtype=float))
     # Those of a stencil would be counted among all its voxels, and are not needed.
     surface, links = (0, 0) if is_stencil else _surface_and_links(structure)
@@ -244,6 +244,8 @@ def _surface_and_links(structure: AbstractStructure) -> tuple[int, int]:
 def has_varying_links(body: Body) -> bool:
     """True if several materials, or one by axis, vary with temperature."""
     material = body.material
+    if material is None:
+        return False
     several = isinstance(material, AbstractMaterials)
     materials = material.materials if several else (material,)
     by_axis = any(isinstance(entry.conductivity, tuple) for entry in materials)

@@ -28,7 +28,9 @@ from ...errors import InputError
 from ...memo.found import digest, found
 from ...physics.conduction import conductivity_at_ends, conductivity_table
 from ...structures.partition.assignment import voxel_owner
+from ...structures.structure import AbstractVoxelStructure
 from ...structures.surface_map import Range, gradient_rows
+from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.grid import VoxelGrid
 from ..scene import AbstractMaterials, Probe, Scene
 from .bodies import PreparedBody
@@ -99,6 +101,10 @@ class BodyProbes(Module):
         return jnp.clip(values, reached.lowest, reached.highest)
 
 
+# Distance within which a point is on a sheet, not behind it [m].
+_ON_SURFACE = 1e-9
+
+
 class _Located(NamedTuple):
     """Points relative to one body."""
 
@@ -161,16 +167,23 @@ def _at(probe: Probe) -> str:
     return f"{probe.name} at ({x:g}, {y:g}, {z:g}) m"
 
 
-def _located(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
+def _located(grid: AbstractGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
     return found(
         (grid,), ("points_in_voxels", digest(points)), lambda: _locate(grid, points)
     )
 
 
-def _locate(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
+def _locate(grid: AbstractGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
+    if not isinstance(grid, VoxelGrid):
+        distance, fragment = KDTree(grid.fragment_foot).query(points)
+        return _Located(
+            inside=np.zeros(len(points), bool),
+            voxel=np.zeros((len(points), 3), int),
+            gap=np.maximum(distance - grid.pitch, 0.0),
+        )
     cell = np.floor(grid.lattice.to_cells(points))
     inside = grid.contains(points)
-    centres = grid.lattice.centres(grid.fragment_voxel)
+    centres = grid.fragment_centre
     _, fragment = KDTree(centres).query(points)
     beyond = np.abs(points - centres[fragment]) - grid.pitch / 2
     gap = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
@@ -200,7 +213,13 @@ def _bind(
     # A fragment around a corner or across a gap says nothing about this point.
     far = np.linalg.norm(surface - points, axis=1) > 2 * grid.pitch + np.abs(depth)
     at_surface[far] = 0.0
-    node = _nodes(body, probes=probes, located=located, at_surface=at_surface)
+    node = _nodes(
+        body,
+        probes=probes,
+        located=located,
+        at_surface=at_surface,
+        fragment=fragment,
+    )
     from_node = (1 - at_surface)[:, None] * (points - location[node])
     from_fragment = at_surface[:, None] * (points - surface)
     gradient_nodes, index = np.unique(node, return_inverse=True)
@@ -231,10 +250,17 @@ def _bind(
 
 
 def _nearest_fragment(
-    grid: VoxelGrid, points: Float[np.ndarray, "q 3"]
+    grid: AbstractGrid, points: Float[np.ndarray, "q 3"]
 ) -> Int[np.ndarray, " q"]:
-    _, fragment = KDTree(grid.fragment_foot).query(points)
-    return np.asarray(fragment)
+    if grid.fragment_face is None:
+        _, fragment = KDTree(grid.fragment_foot).query(points)
+        return np.asarray(fragment)
+    # Both faces of a sheet are at one place: a point behind it is on its back.
+    front = np.flatnonzero(grid.fragment_face == 0)
+    _, nearest = KDTree(grid.fragment_foot[front]).query(points)
+    away = points - grid.fragment_foot[nearest]
+    is_behind = (away * grid.fragment_normal[nearest]).sum(axis=1) < -_ON_SURFACE
+    return np.where(is_behind, nearest + len(front), nearest)
 
 
 def _nodes(
@@ -242,9 +268,12 @@ def _nodes(
     probes: list[Probe],
     located: _Located,
     at_surface: Float[np.ndarray, " q"],
+    fragment: Int[np.ndarray, " q"],
 ) -> Int[np.ndarray, " q"]:
-    """Node of the voxel of each probe."""
+    """Node of the voxel of each probe, or of its cell of a sheet."""
     structure = body.body.structure
+    if not isinstance(structure, AbstractVoxelStructure):
+        return structure.fragment_node()[fragment]
     solid = structure.grid.solid
     order = np.full(solid.shape, -1)
     order[solid] = np.arange(structure.grid.solid_count)

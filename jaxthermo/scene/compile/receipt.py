@@ -262,7 +262,7 @@ def filled_warnings(scene: Scene) -> tuple[str, ...]:
         reason = _filled_because(body)
         if not reason:
             continue
-        solid = f"a solid of {structure.grid.body_volume:.4g} m^3"
+        solid = f"a solid of {structure.volume:.4g} m^3"
         # Within a transformation the density has no value yet.
         if not is_traced(body.material):
             solid += f" and {body_mass(body):.4g} kg"

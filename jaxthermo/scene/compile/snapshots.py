@@ -36,7 +36,7 @@ from ...physics.term import (
     AbstractSurfaceTerm,
     AbstractTerm,
 )
-from ...voxels.grid import VoxelGrid
+from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.selection import FragmentMask
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
@@ -222,7 +222,7 @@ class _Exposed(NamedTuple):
 
 
 def _exposed(
-    grid: VoxelGrid, covered: Float[np.ndarray, " s"] | None, dtype: Any
+    grid: AbstractGrid, covered: Float[np.ndarray, " s"] | None, dtype: Any
 ) -> _Exposed:
     """The exposed part of a surface with these covered fractions; None for none."""
     fraction = np.ones(len(grid.fragment_area))

@@ -13,7 +13,7 @@ from ...native.call import check_kernels
 from ...voxels.grid import VoxelGrid
 from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
 from ..partition.links import voxel_links
-from ..structure import AbstractStructure, Links, Nodes
+from ..structure import AbstractVoxelStructure, Links, Nodes
 from ..weights import ConductionWeights, as_weights
 
 
@@ -21,7 +21,7 @@ from ..weights import ConductionWeights, as_weights
 _DENSE = 0.5
 
 
-class FullVolume(AbstractStructure):
+class FullVolume(AbstractVoxelStructure):
     """Every solid voxel, linked to its six neighbours; the reference for all others.
 
     It runs as a masked stencil over the bounding box or, with `stencil=False`, as

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from ...voxels.grid import VoxelGrid
 from ...voxels.surface import surface_voxels
-from ..structure import AbstractStructure
+from ..structure import AbstractVoxelStructure
 from .blocks import voxel_layers
 
 
@@ -164,7 +164,7 @@ def _assign_nearest(
     return gap
 
 
-def voxel_owner(structure: AbstractStructure) -> Int[np.ndarray, " v"]:
+def voxel_owner(structure: AbstractVoxelStructure) -> Int[np.ndarray, " v"]:
     """Node that the heat of each solid voxel is assigned to, in lattice order.
 
     A voxel in no node, as inside a shell, is assigned to the nearest node through the
@@ -182,7 +182,7 @@ def voxel_owner(structure: AbstractStructure) -> Int[np.ndarray, " v"]:
 
 
 def volume_within(
-    structure: AbstractStructure, fraction: Float[np.ndarray, " v"]
+    structure: AbstractVoxelStructure, fraction: Float[np.ndarray, " v"]
 ) -> Float[np.ndarray, " n"]:
     """Volume of each node, of a fraction of each solid voxel in lattice order [m^3]."""
     owner = np.where(fraction > 0, voxel_owner(structure), -1)

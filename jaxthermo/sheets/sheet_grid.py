@@ -1,0 +1,117 @@
+"""Both faces of a sheet: the fragments of its surface."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from typing_extensions import override
+from wadler_lindig import TextDoc
+
+from ..geometry.mesh import Mesh
+from ..voxels.abstract_grid import AbstractGrid
+from ..voxels.lattice import Lattice
+from ..voxels.selection import AbstractSelection, AbstractSpace
+from .cells import SheetCells, corner_thirds
+
+
+FRONT = 0
+BACK = 1
+
+
+# Without the representation of dataclasses, which prints the first nodes.
+@dataclass(frozen=True, eq=False, repr=False)
+class SheetGrid(AbstractGrid):
+    """Cells of a surface whose two faces both have fragments.
+
+    Those of the front come first, those of the back follow in the same order: at the
+    same positions and with opposite normals.
+    """
+
+    is_two_sided: ClassVar[bool] = True
+
+    mesh: Mesh
+    lattice: Lattice
+    cells: SheetCells
+    fragment_position: Float[np.ndarray, "s 3"]
+    fragment_normal: Float[np.ndarray, "s 3"]
+    fragment_area: Float[np.ndarray, " s"]
+    fragment_surface_cell: Int[np.ndarray, " s"]
+    """Cell of the surface that each fragment is a piece of."""
+    fragment_part: Int[np.ndarray, " s"]
+    """Part of the mesh that each fragment is on."""
+    part_names: tuple[str, ...] = ()
+    """Names of the parts; empty for a mesh without."""
+    fragment_depth: Float[np.ndarray, " s"] | None = None
+    unscaled_because: str = ""
+
+    def __repr__(self) -> str:
+        return (
+            f"SheetGrid({self.mesh.name!r}, {self.cells.node_count} cells of "
+            f"{self.pitch:g} m, {len(self.fragment_area)} fragments)"
+        )
+
+    # Equinox prints what a module holds by this.
+    def __pdoc__(self, **kwargs: object) -> TextDoc:
+        del kwargs
+        return TextDoc(repr(self))
+
+    @property
+    @override
+    def fragment_foot(self) -> Float[np.ndarray, "s 3"]:
+        return self.fragment_position
+
+    @property
+    @override
+    def fragment_centre(self) -> Float[np.ndarray, "s 3"]:
+        return self.fragment_position
+
+    @cached_property
+    @override
+    def fragment_face(self) -> Int[np.ndarray, " s"]:
+        return np.repeat([FRONT, BACK], len(self.fragment_area) // 2)
+
+    @override
+    def selected_fraction(
+        self, selection: AbstractSelection
+    ) -> Float[np.ndarray, " s"]:
+        if not isinstance(selection, AbstractSpace):
+            return super().selected_fraction(selection)
+        cells = self.cells
+        thirds = corner_thirds(cells.vertices[cells.faces]).reshape(-1, 3)
+        area = np.repeat(cells.face_area / 3, 3) * selection.contains(thirds)
+        count = len(cells.fragments.area)
+        selected_area = np.bincount(cells.fragments.of_corner.ravel(), area, count)
+        return np.tile(selected_area / cells.fragments.area, 2)
+
+    def cell_fractions(self, space: AbstractSpace) -> Float[np.ndarray, " n"]:
+        """Fraction of each cell of the surface that lies in a part of space."""
+        count = self.cells.node_count
+        area = self.fragment_area * self.selected_fraction(space)
+        both_faces = np.bincount(self.fragment_surface_cell, area, count)
+        return both_faces / (2 * self.cells.area.sum(axis=1))
+
+    @override
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        # A wall has no inside that a point could be in.
+        return np.zeros(len(points), bool)
+
+
+def sheet_grid(
+    mesh: Mesh, cells: SheetCells, part_names: tuple[str, ...] = ()
+) -> SheetGrid:
+    """Fragments of both faces of the cells of a surface."""
+    front = cells.fragments
+    normal = front.normal
+    return SheetGrid(
+        mesh=mesh,
+        lattice=Lattice.around(mesh, cells.pitch),
+        cells=cells,
+        fragment_position=np.concatenate([front.position, front.position]),
+        fragment_normal=np.concatenate([normal, -normal]),
+        fragment_area=np.concatenate([front.area, front.area]),
+        fragment_surface_cell=np.concatenate([front.node, front.node]),
+        fragment_part=np.concatenate([front.part, front.part]),
+        part_names=part_names,
+    )

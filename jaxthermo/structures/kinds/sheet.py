@@ -1,0 +1,287 @@
+"""Sheet: a thin wall of layers on a surface, with two faces."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float, Int
+from typing_extensions import override
+
+from ...arrays import array_namespace, typed_array
+from ...errors import InputError, require, whole_number
+from ...geometry.mesh import Mesh
+from ...geometry.parts import joined_parts, pattern_of_parts
+from ...material.layer import Layer
+from ...memo.found import found
+from ...sheets.cells import sheet_cells
+from ...sheets.sheet_grid import BACK, SheetGrid, sheet_grid
+from ...sheets.through import (
+    MAX_CELLS,
+    SHORTEST_TIME,
+    CellValues,
+    Division,
+    cell_count,
+    cell_values,
+    divided,
+)
+from ...voxels.selection import AbstractSpace
+from ..structure import AbstractStructure, Links, Nodes
+from ..weights import ConductionWeights
+
+
+class Sheet(AbstractStructure):
+    """Wall of one or several layers on a mesh that is a surface.
+
+    Each cell of the surface has nodes through the thickness: node l n + i is the l-th
+    from the front in the i-th of n cells. Heat flows along the surface with the sum of
+    k d, through the wall in series. Both faces have fragments; an outermost node has
+    those of its face.
+
+    Raises:
+        InputError: for layers that are none, or a mesh without area.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> panel = jt.shapes.box((1.0, 0.5, 0.5))
+        >>> sheet = jt.Sheet(panel, (jt.Layer("copper", 0.8e-3),), pitch=0.05)
+        >>> sheet.cells_through
+        1
+    """
+
+    stacks: tuple[tuple[Layer, ...], ...]
+    """Layers of every part of the mesh, from the front to the back."""
+    grid: SheetGrid = eqx.field(static=True)
+    divisions: tuple[Division, ...] = eqx.field(static=True)
+    """Cells through the thickness of every part."""
+    weights: ConductionWeights = ConductionWeights()
+
+    def __init__(
+        self,
+        mesh: Mesh | Mapping[str, Mesh],
+        layers: Sequence[Layer] | Mapping[str, Sequence[Layer]],
+        pitch: float,
+        *,
+        cells: int | None = None,
+        shortest_time: float = SHORTEST_TIME,
+        weld: float | None = None,
+        nodes: Literal["cells", "vertices"] = "cells",
+    ):
+        """Divide a surface into cells, and its thickness.
+
+        Args:
+            mesh: any triangles: open, closed, or not joined at all. Their normals point
+                to the front. Or named parts, from `load_parts`.
+            layers: from the front to the back, with their thicknesses; or by part, by
+                its name or a pattern as in `materials_by_part`.
+            pitch: edge of the cells along the surface [m].
+            cells: number of cells through the thickness; by default as many as a load
+                of `shortest_time` needs.
+            shortest_time: duration of a load that the cells at the faces resolve [s].
+            weld: distance within which vertices are joined [m]; by default 1e-5 of the
+                size of the mesh.
+            nodes: "cells", or "vertices" to have a node in each vertex of the mesh.
+        """
+        parts = mesh if isinstance(mesh, Mapping) else {"": mesh}
+        for part in parts.values():
+            require(part, classes=Mesh, argument="Sheet(mesh=)", give="a Mesh")
+        by_part = layers if isinstance(layers, Mapping) else {"*": layers}
+        patterns = pattern_of_parts(list(parts), list(by_part), "Sheet(layers=)")
+        self.stacks = tuple(_stack(by_part[patterns[name]]) for name in parts)
+        if cells is None:
+            count = max(cell_count(s, shortest_time, False) for s in self.stacks)
+        else:
+            count = whole_number(cells, "Sheet(cells=)")
+            if count > MAX_CELLS:
+                raise InputError(f"Sheet(cells={cells}): give {MAX_CELLS} at most")
+        self.divisions = tuple(divided(stack, count, False) for stack in self.stacks)
+        self.grid = _grid(parts, pitch=pitch, weld=weld, nodes=nodes)
+        self.weights = ConductionWeights()
+
+    @property
+    @override
+    def identity(self) -> tuple[object, ...]:
+        return (self.grid,)
+
+    @property
+    def cells_through(self) -> int:
+        """Number m of cells through the thickness."""
+        return len(self.divisions[0])
+
+    @property
+    def surface_cells(self) -> int:
+        """Number n of cells of the surface."""
+        return self.grid.cells.node_count
+
+    @property
+    @override
+    def node_count(self) -> int:
+        return self.cells_through * self.surface_cells
+
+    @property
+    @override
+    def link_count(self) -> int:
+        m = self.cells_through
+        along = len(self.grid.cells.links.src)
+        return m * along + (m - 1) * self.surface_cells
+
+    @property
+    @override
+    def state_shape(self) -> tuple[int, ...]:
+        return (self.node_count,)
+
+    @property
+    @override
+    def volume(self) -> float:
+        return float(self._cell_volumes().sum())
+
+    @property
+    def mass(self) -> float:
+        """Sum of rho d A of the layers [kg]."""
+        area = self.grid.cells.area.sum(axis=0)
+        by_area = [
+            sum(
+                float(layer.material.density) * float(layer.thickness)
+                for layer in stack
+            )
+            for stack in self.stacks
+        ]
+        return float(area @ by_area)
+
+    @property
+    @override
+    def capacity_ratio(self) -> float:
+        return 1.0
+
+    @override
+    def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
+        count = self.node_count
+        return self.found("node_address", lambda: (np.arange(count, dtype=np.int32),))
+
+    @override
+    def nodes(self) -> Nodes:
+        m = self.cells_through
+        position = self.found(
+            "node_position", lambda: np.tile(self.grid.cells.position, (m, 1))
+        )
+        return Nodes(
+            centre=position,
+            volume=self._cell_volumes().reshape(-1),
+            level=np.repeat(np.arange(m), self.surface_cells),
+            location=position,
+        )
+
+    def _cell_volumes(self) -> Float[np.ndarray, "m n"]:
+        """Volume of each node [m^3]."""
+        thickness = [
+            np.asarray(division) @ [float(layer.thickness) for layer in stack]
+            for stack, division in zip(self.stacks, self.divisions, strict=True)
+        ]
+        return np.stack(thickness, axis=1) @ self.grid.cells.area.T
+
+    def volume_within(self, space: AbstractSpace | None) -> Float[np.ndarray, " n"]:
+        """Volume of the part of each node in a part of space [m^3]; of all for None."""
+        volume = self._cell_volumes()
+        if space is not None:
+            fraction = self.grid.cell_fractions(space)
+            volume = volume * fraction
+        return volume.reshape(-1)
+
+    @override
+    def links(self) -> Links:
+        return self.found("links", self._links)
+
+    def _links(self) -> Links:
+        """Links along the surface in each layer of cells, then through the wall.
+
+        Areas and distances are those of the surface alone, of a wall of unit thickness:
+        conductances do not follow from them.
+        """
+        along = self.grid.cells.links
+        n = self.surface_cells
+        m = self.cells_through
+        position = self.grid.cells.position
+        distance = np.linalg.norm(position[along.dst] - position[along.src], axis=1)
+        first = n * np.arange(m)[:, None]
+        inner = np.arange((m - 1) * n)
+        half = np.tile(distance / 2, m)
+        area = np.tile(along.weight * distance, m)
+        # Nodes above each other are at one location.
+        no_distance = np.zeros(len(inner))
+        return Links(
+            src=np.append((first + along.src).ravel(), inner).astype(np.int32),
+            dst=np.append((first + along.dst).ravel(), inner + n).astype(np.int32),
+            area=np.append(area, no_distance),
+            distance_src=np.append(half, no_distance),
+            distance_dst=np.append(half, no_distance),
+        )
+
+    @override
+    def fragment_node(self) -> Int[np.ndarray, " s"]:
+        return self.found("fragment_node", self._fragment_node)
+
+    def _fragment_node(self) -> Int[np.ndarray, " s"]:
+        last = (self.cells_through - 1) * self.surface_cells
+        at_back = self.grid.fragment_face == BACK
+        number = self.grid.fragment_surface_cell + np.where(at_back, last, 0)
+        return number.astype(np.int32)
+
+    @override
+    def fragment_distance(self) -> Float[np.ndarray, " s"]:
+        # That of `fragment_depth`: a fragment is above its node.
+        return np.full(len(self.grid.fragment_area), self.grid.pitch / 2)
+
+    def cell_values(self, dtype: Any) -> list[CellValues]:
+        """Values of the cells through the thickness, of each part."""
+        pairs = zip(self.stacks, self.divisions, strict=True)
+        return [cell_values(stack, division, dtype) for stack, division in pairs]
+
+    def face_values(self, field: str, dtype: Any) -> Float[Any, " s"]:
+        """A property of the outermost layer at each fragment, by its field."""
+        outermost = (*(s[0] for s in self.stacks), *(s[-1] for s in self.stacks))
+        values = [getattr(layer.material, field) for layer in outermost]
+        return self._at_fragments(values, dtype)
+
+    def face_resistance(self, dtype: Any) -> Float[Any, " s"]:
+        """Resistance from each fragment to its node [m^2 K/W]."""
+        values = self.cell_values(dtype)
+        fronts = [value.to_front[0] for value in values]
+        return self._at_fragments([*fronts, *(v.to_back[-1] for v in values)], dtype)
+
+    def _at_fragments(self, values: Sequence[Any], dtype: Any) -> Float[Any, " s"]:
+        """Values at the front of each part, then at the back, by fragment."""
+        rows = [typed_array(value, dtype) for value in values]
+        row = len(self.stacks) * self.grid.fragment_face + self.grid.fragment_part
+        return array_namespace(rows).stack(rows)[row]
+
+
+def _stack(layers: Any) -> tuple[Layer, ...]:
+    stack = tuple(layers) if isinstance(layers, Sequence) else (layers,)
+    if not stack:
+        raise InputError("Sheet(layers=): there are none: give one or more")
+    for layer in stack:
+        require(
+            layer,
+            classes=Layer,
+            argument="Sheet(layers=)",
+            give='layers, as in (Layer("copper", 1e-3),)',
+        )
+    return stack
+
+
+def _grid(
+    parts: Mapping[str, Mesh], pitch: float, weld: float | None, nodes: str
+) -> SheetGrid:
+    """Cells of the surface, the same for equal meshes and options."""
+    meshes = tuple(parts.values())
+    by = ("sheet", tuple(parts), float(pitch), weld, nodes)
+    return found(meshes, by=by, find=lambda: _divided(parts, pitch, weld, nodes))
+
+
+def _divided(
+    parts: Mapping[str, Mesh], pitch: float, weld: float | None, nodes: Any
+) -> SheetGrid:
+    mesh, face_part = joined_parts(list(parts.values()))
+    cells = sheet_cells(mesh, pitch=pitch, weld=weld, nodes=nodes, face_part=face_part)
+    names = tuple(parts)
+    return sheet_grid(mesh, cells, part_names=() if names == ("",) else names)

@@ -1,0 +1,111 @@
+"""Surface fragments of a body, whatever divides it: voxels, or cells of a thin wall.
+
+Terms, cameras and contacts ask for nothing else of a body's shape.
+"""
+
+import abc
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..geometry.mesh import Mesh
+from .cavities import Cavities
+from .lattice import Lattice
+from .represented import Represented
+from .selection import AbstractSelection
+from .thin_conduction import ThinConduction
+
+
+class AbstractGrid(abc.ABC):
+    """Mesh of a body, and the fragments of its surface with their true areas."""
+
+    is_two_sided: ClassVar[bool] = False
+    """True if both sides of every triangle are surfaces: those of a thin wall."""
+
+    mesh: Mesh
+    lattice: Lattice
+    """Cells around the mesh."""
+    fragment_position: Float[np.ndarray, "s 3"]
+    """Position in the body's frame [m]."""
+    fragment_normal: Float[np.ndarray, "s 3"]
+    """Outward unit normal."""
+    fragment_area: Float[np.ndarray, " s"]
+    """True area [m^2]."""
+    fragment_depth: Float[np.ndarray, " s"] | None
+    """Distance from the surface down to `fragment_centre` along the normal [m]; None
+    for half the pitch."""
+    unscaled_because: str
+    """Reason why areas and volume are not those of the mesh; empty if they are."""
+
+    @property
+    def pitch(self) -> float:
+        """Edge of a cell [m]."""
+        return self.lattice.pitch
+
+    @property
+    @abc.abstractmethod
+    def fragment_foot(self) -> Float[np.ndarray, "s 3"]:
+        """Point of the surface whose temperature each fragment has [m]."""
+
+    @property
+    @abc.abstractmethod
+    def fragment_centre(self) -> Float[np.ndarray, "s 3"]:
+        """Centre of the voxel, or place in the wall, below each fragment [m]."""
+
+    @property
+    def fragment_face(self) -> Int[np.ndarray, " s"] | None:
+        """Side of a thin wall: 0 at its front, 1 at its back; None for a solid."""
+        return None
+
+    @property
+    def cavities(self) -> Cavities | None:
+        """Closed cavities of the body; None if there are none."""
+        return None
+
+    @property
+    def fragment_cavity(self) -> Int[np.ndarray, " s"]:
+        """Number of the closed cavity that each fragment faces; 0 for none."""
+        return np.zeros(len(self.fragment_area), int)
+
+    @cached_property
+    def cavity_area(self) -> float:
+        """Area of the fragments in closed cavities [m^2]."""
+        return float(self.fragment_area[self.fragment_cavity > 0].sum())
+
+    @property
+    def opened_area(self) -> float:
+        """Area of the mesh's closed cavities that are open in the cells [m^2]."""
+        return 0.0
+
+    @property
+    def represented(self) -> Represented | None:
+        """True against represented volume and area; None where they are equal."""
+        return None
+
+    @property
+    def area_uncertainty(self) -> float:
+        """Relative error of the area that 97 of 100 bodies do not exceed [-]."""
+        return 0.0
+
+    @property
+    def thin_conduction(self) -> ThinConduction | None:
+        """Conduction along parts too thin for the cells; None if there are none."""
+        return None
+
+    @property
+    def cut_voxel_count(self) -> int:
+        """Number of voxels that the surface cuts."""
+        return 0
+
+    def selected_fraction(
+        self, selection: AbstractSelection
+    ) -> Float[np.ndarray, " s"]:
+        """Fraction of each fragment that is selected; that of a solid by its voxels."""
+        selected = selection.select(self.fragment_position, self.fragment_normal)
+        return selected.astype(float)
+
+    @abc.abstractmethod
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points (in the body's frame) that lie in its solid."""
