@@ -10,6 +10,7 @@ Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959), section 1.6.
 import functools
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -130,7 +131,7 @@ def _compiled(values, h_c, dtype="float64"):
     return compile_scene(scene, 1, 1.0, save_times=(1.0,))
 
 
-def _rows(compiled, count=100):
+def _rows(compiled, count=200):
     """The contact, its nodes, and rows of temperatures above the references [K]."""
     (links,) = compiled.program.contacts
     nodes = pair_nodes(compiled.program, links, compiled.state)
@@ -141,13 +142,36 @@ def _rows(compiled, count=100):
     return links, nodes, jnp.asarray(above, links.area.dtype)
 
 
-def _heat_of(links, nodes):
+def _heat(links, nodes, theta):
     time = jnp.zeros((), links.area.dtype)
+    return links.heat(time, nodes._replace(theta=tuple(theta)))
 
-    def heat(theta):
-        return links.heat(time, nodes._replace(theta=tuple(theta)))
 
-    return heat
+def _rate(links, nodes, theta):
+    return _heat(links, nodes, theta).rate.sum()
+
+
+# One program for all contacts of one type of numbers.
+@eqx.filter_jit
+def _heats(links, nodes, rows):
+    return jax.vmap(lambda theta: _heat(links, nodes, theta))(rows)
+
+
+@eqx.filter_jit
+def _slopes(links, nodes, rows):
+    return jax.vmap(jax.grad(lambda theta: _rate(links, nodes, theta)))(rows)
+
+
+@eqx.filter_jit
+def _tangent_slopes(links, nodes, rows):
+    def slopes(theta):
+        time = jnp.zeros(())
+        tangent = links.tangent(time, nodes._replace(theta=tuple(theta)))
+        conductance = pair_conductance(tangent.links, time)
+        first, second = tangent.ratio
+        return jnp.stack([conductance * first, -conductance * second])
+
+    return jax.vmap(slopes)(rows)
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
@@ -155,7 +179,7 @@ def _heat_of(links, nodes):
 def test_one_heat_rate_passes_both_half_cells_and_the_contact(h_c, dtype):
     links, nodes, rows = _rows(_compiled((RISING, FALLING), h_c, dtype))
     assert nodes.varying is not None
-    heat = jax.jit(jax.vmap(_heat_of(links, nodes)))(rows)
+    heat = _heats(links, nodes, rows)
     rate = np.asarray(heat.rate)
     flat = nodes._replace(theta=(rows[:, 0, 0], rows[:, 1, 0]))
     difference = np.asarray(flat.difference)[:, None]
@@ -179,39 +203,25 @@ def test_derivatives_of_a_contact_are_those_of_its_linear_links(h_c):
     links, nodes, rows = _rows(_compiled((RISING, FALLING), 1.0))
     # A scene would leave out an insulating contact.
     links = replace(links, conductance=jnp.asarray(h_c))
-
-    def rate(theta):
-        return _heat_of(links, nodes)(theta).rate.sum()
-
-    @jax.jit
-    @jax.vmap
-    def slopes(theta):
-        tangent = links.tangent(jnp.zeros(()), nodes._replace(theta=tuple(theta)))
-        conductance = pair_conductance(tangent.links, jnp.zeros(()))
-        first, second = tangent.ratio
-        exact = jnp.stack([conductance * first, -conductance * second])
-        return jax.grad(rate)(theta), exact
-
-    gradients, exact = slopes(rows)
+    exact = _tangent_slopes(links, nodes, rows)
+    gradients = _slopes(links, nodes, rows)
     assert_allclose(gradients, exact, rtol=1e-9, atol=1e-12)
     step = 1e-4
-    rates = jax.jit(jax.vmap(rate))
     for side in range(2):
         move = step * np.eye(2)[side][None, :, None]
-        differences = (rates(rows + move) - rates(rows - move)) / (2 * step)
-        assert_allclose(exact[:, side, 0], differences, rtol=1e-5, atol=1e-8)
+        differences = (
+            _heats(links, nodes, rows + move).rate
+            - _heats(links, nodes, rows - move).rate
+        ) / (2 * step)
+        assert_allclose(exact[:, side], differences, rtol=1e-5, atol=1e-8)
 
 
 @pytest.mark.parametrize("values", [(RISING, FALLING), (FALLING, RISING)])
 @pytest.mark.parametrize("h_c", [300.0, np.inf])
 def test_the_stable_step_bounds_every_slope_of_a_contact(values, h_c):
     compiled = _compiled(values, h_c)
-    links, nodes, rows = _rows(compiled, 300)
-
-    def rate(theta):
-        return _heat_of(links, nodes)(theta).rate.sum()
-
-    slopes = jax.jit(jax.vmap(jax.grad(rate)))(rows)
+    links, nodes, rows = _rows(compiled)
+    slopes = _slopes(links, nodes, rows)
     capacity = 2000.0 * 500.0 * PITCH**3
     stable = capacity / np.abs(np.asarray(slopes)).max()
     step = float(compiled.stable_step)
@@ -256,7 +266,7 @@ def test_an_insulating_contact_has_the_slope_of_its_conductance():
     links, nodes, rows = _rows(_compiled((RISING, FALLING), 1.0))
 
     def rate(h_c):
-        return _heat_of(replace(links, conductance=h_c), nodes)(rows[10]).rate.sum()
+        return _rate(replace(links, conductance=h_c), nodes, rows[10])
 
     value, slope = jax.value_and_grad(rate)(jnp.zeros(()))
     assert value == 0
