@@ -88,6 +88,7 @@ from .integrate.solvers import (
 from .integrate.steady import steady as steady
 from .material.layer import Layer as Layer
 from .material.material import Material as Material, Property as Property
+from .material.stacks import stacks as stacks
 from .material.table import materials as materials
 from .memo.found import forget_findings as forget_findings
 from .physics.boundary import (

@@ -45,7 +45,7 @@ def _folder(module: str) -> str:
     return first if (STUB.parent / first).is_dir() else "."
 
 
-_VALUES = ("materials", "bonded", "RESULTS")
+_VALUES = ("materials", "stacks", "bonded", "RESULTS")
 _SECTIONS = ("Args:", "Raises:", "Returns:", "Attributes:", "Example:", "Yields:")
 
 

@@ -1,4 +1,4 @@
-"""`jaxthermo materials`: the tables of materials and finishes, or some rows of them."""
+"""`jaxthermo materials`: the tables of materials, stacks and finishes, or some rows."""
 
 import re
 
@@ -6,6 +6,7 @@ from rich.console import Console
 
 from ..console.terminal import open_console, print_line
 from ..errors import InputError
+from ..material.stacks import LayerRow, stack_rows
 from ..material.table import (
     EmissivityRow,
     MaterialRow,
@@ -34,7 +35,9 @@ _BAND = (
 
 
 def materials(name: str | None, emissivity: bool) -> None:
-    """Print the materials or finishes that match a name; a single material in full.
+    """Print the materials and stacks, or the finishes, that match a name.
+
+    A single material is printed in full.
 
     Args:
         name: of a material, in full or in part; None for all.
@@ -59,13 +62,21 @@ def materials(name: str | None, emissivity: bool) -> None:
         print_line(console, _BAND)
         return
     rows = find_materials(name) if name else material_rows()
+    stacks = [
+        layers
+        for stack, layers in stack_rows().items()
+        if name is None or name.lower() in stack
+    ]
     # For an unknown name `material_row` raises with the names that come close.
-    if name and (name in by_name or not rows):
+    if name and (name in by_name or not (rows or stacks)):
         rows = (material_row(name),)
     if len(rows) == 1:
         _print_row(console, rows[0])
-    else:
+    elif rows:
         console.print(_table(rows).rich())
+    if stacks:
+        console.print(_stack_table(stacks).rich())
+    if len(rows) > 1:
         print_line(console, _MARKS)
 
 
@@ -111,6 +122,21 @@ def _table(rows: tuple[MaterialRow, ...]) -> Table:
         name = row.name + " *" * row.in_thesis
         lines.append((name, *numbers, assumed + emissivity, source))
     return Table(("name", *heads, "source"), lines, left=(0, 5), framed=False)
+
+
+def _stack_table(stacks: list[tuple[LayerRow, ...]]) -> Table:
+    lines = [
+        (
+            layer.stack if number == 0 else "",
+            layer.material,
+            f"{layer.thickness:g}",
+            layer.source.split(" (")[0],
+        )
+        for layers in stacks
+        for number, layer in enumerate(layers)
+    ]
+    heads = ("stack", "layers, from the top down", "m", "what it is")
+    return Table(heads, lines, left=(0, 1, 3), framed=False)
 
 
 def _optional_number(value: float | None) -> str:

@@ -4,6 +4,7 @@ import pytest
 
 from jaxthermo.__main__ import main
 from jaxthermo.image.colour.palette import palette_names
+from jaxthermo.material.stacks import stack_rows
 from jaxthermo.material.table import emissivity_rows, find_materials, material_rows
 
 
@@ -24,15 +25,17 @@ def printed(capsys, monkeypatch):
 def test_every_material_has_a_line_of_its_own(printed):
     lines = printed()
     rows = material_rows()
+    (end,) = (n for n, line in enumerate(lines) if line.split()[:1] == ["stack"])
     for row in rows:
-        matching = [line for line in lines if line.split()[:1] == [row.name]]
+        matching = [line for line in lines[:end] if line.split()[:1] == [row.name]]
         assert len(matching) == 1
         assert f"{row.conductivity:g}" in matching[0].split()
         assert ("*" in matching[0].split()) == row.in_thesis
         assert (f"~{row.emissivity:g}" in matching[0]) == (row.surface is None)
     assert sum(" * " in line for line in lines[:-1]) == 12
     # In a pipe lines are whole: sources fit beside the numbers, nothing is cut off.
-    assert len(lines) == len(material_rows()) + 6
+    layer_count = sum(map(len, stack_rows().values()))
+    assert len(lines) == len(material_rows()) + 6 + layer_count + 4
     assert not any("…" in line for line in lines)
     assert "Table 5.1 of the thesis" in lines[-1]
 
@@ -49,6 +52,19 @@ def test_one_in_full(printed, name):
     assert text.startswith("gold (gold)")
     assert "318" in text and "rho 19300, c_p 126 (Table 5.1)" in text
     assert "none tabulated, assumed 0.9" in text
+
+
+def test_stacks_of_the_ground_are_listed_with_their_layers(printed):
+    lines = printed()
+    (first,) = (
+        n for n, line in enumerate(lines) if line.split()[:2] == ["asphalt", "asphalt"]
+    )
+    assert lines[first + 1].split()[:2] == ["sand_and_gravel", "0.3"]
+    assert lines[first + 2].split()[:2] == ["moist_soil", "0.5"]
+    grass = printed("grass")
+    assert grass[0].startswith("grass (clay soil")
+    assert any(line.split()[:3] == ["grass", "grass", "0.75"] for line in grass)
+    assert any(line.split()[:1] == ["concrete_on_soil"] for line in printed("on_soil"))
 
 
 def test_the_absorptivity_of_sunlight_is_printed_where_it_is_tabulated(printed):

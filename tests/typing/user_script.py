@@ -23,6 +23,7 @@ scan: jt.VoxelGrid = jt.grid_from_voxels(np.ones((4, 4, 4), bool), pitch=0.01)
 knife: dict[str, jt.Mesh] = jt.load_parts("knife.glb", unit="m", up="y")
 by_part = jt.materials_by_part(grid, knife, {"blade": steel, "*": clay})
 labelled = jt.MaterialLabels(labels, (clay, jt.materials["copper"]))
+ground: tuple[jt.Layer, ...] = jt.stacks["asphalt"]
 path = jt.PoseTable([0, 9], [jt.Pose(), jt.Pose((1.0, 0.0, 0.0))])
 body = jt.Body(jt.FullVolume(grid), clay, temperature=293.0, surface_map=maps[2])
 panel = jt.Sheet(mesh, (jt.Layer(clay, thickness=1e-3),), pitch=0.01)

@@ -1,0 +1,108 @@
+"""Stacks of layers of the ground by name: `stacks["asphalt"]`."""
+
+import csv
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from typing_extensions import override
+
+from ..errors import InputError
+from .layer import Layer
+from .table import similar_names
+
+
+_TABLE = Path(__file__).parents[1] / "data" / "stacks.csv"
+
+DAY = 86400.0
+"""Period of the daily wave of temperature [s]."""
+
+
+@dataclass(frozen=True)
+class LayerRow:
+    """One layer of a named stack.
+
+    Attributes:
+        stack: key in `stacks`.
+        material: name of its material in `materials`.
+        thickness: d [m].
+        source: what the layer is, and the source of its thickness.
+    """
+
+    stack: str
+    material: str
+    thickness: float
+    source: str
+
+
+@functools.cache
+def stack_rows() -> dict[str, tuple[LayerRow, ...]]:
+    """Layers of all named stacks, from the top down, by the name of the stack."""
+    rows: dict[str, tuple[LayerRow, ...]] = {}
+    with _TABLE.open(encoding="utf-8", newline="") as lines:
+        for line in csv.DictReader(lines):
+            row = LayerRow(
+                stack=line["name"],
+                material=line["material"],
+                thickness=float(line["thickness_m"]),
+                source=line["source"],
+            )
+            rows[row.stack] = (*rows.get(row.stack, ()), row)
+    return rows
+
+
+def wave_amplitude(layers: Sequence[Layer], period: float = DAY) -> float:
+    r"""Amplitude of a periodic wave below the layers, over that at their top [-].
+
+    $$\frac{\hat T_b}{\hat T_t} = \exp\left(-\sum_l d_l / \delta_l\right), \qquad
+    \delta_l = \sqrt{2 \alpha_l / \omega}, \qquad \omega = 2 \pi / P$$
+
+    Damping depths delta_l of the layers in series (Carslaw and Jaeger 1959, 2.6). Waves
+    that the boundaries between the layers reflect are not in it.
+
+    Args:
+        layers: from the top down.
+        period: P of the wave [s].
+    """
+    # d / delta by the resistance d / k and the capacity rho c d of the layer.
+    depths = [
+        np.sqrt(np.pi / period * layer.resistance * layer.capacity) for layer in layers
+    ]
+    return float(np.exp(-sum(depths)))
+
+
+class _StackTable(Mapping[str, tuple[Layer, ...]]):
+    """Mapping of names to stacks of layers, each from the top down."""
+
+    def __getitem__(self, name: str) -> tuple[Layer, ...]:
+        rows = stack_rows()
+        if name not in rows:
+            hint = ", ".join(similar_names(name, rows) or rows)
+            raise InputError(f"stack {name!r} is not known: did you mean {hint}?")
+        return tuple(Layer(row.material, row.thickness) for row in rows[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(stack_rows())
+
+    def __len__(self) -> int:
+        return len(stack_rows())
+
+    # The inherited one would build the layers, and expects a KeyError.
+    def __contains__(self, name: object) -> bool:
+        return name in stack_rows()
+
+    @override
+    def get(self, key: str, default=None):
+        # The inherited one expects a KeyError, which an InputError is not.
+        try:
+            return self[key]
+        except InputError:
+            return default
+
+    def __repr__(self) -> str:
+        return f"StackTable({', '.join(self)})"
+
+
+stacks = _StackTable()
