@@ -32,7 +32,7 @@ class Nodes(NamedTuple):
 
     centre: Float[np.ndarray, "n 3"]
     """Centre of the volume [m]."""
-    volume: Float[np.ndarray, " n"]
+    volume: Float[Any, " n"]
     """Volume for the heat capacity [m^3], including the grid's `volume_ratio`."""
     level: Int[np.ndarray, " n"]
     """0 at the surface, rising inwards or with the size, depending on the kind."""

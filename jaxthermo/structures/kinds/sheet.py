@@ -171,15 +171,14 @@ class Sheet(AbstractStructure):
             location=position,
         )
 
-    def _cell_volumes(self) -> Float[np.ndarray, "m n"]:
-        """Volume of each node [m^3]."""
-        thickness = [
-            np.asarray(division) @ [float(layer.thickness) for layer in stack]
-            for stack, division in zip(self.stacks, self.divisions, strict=True)
-        ]
-        return np.stack(thickness, axis=1) @ self.grid.cells.area.T
+    def _cell_volumes(self) -> Float[Any, "m n"]:
+        """Volume of each node [m^3]: numpy arrays unless a thickness is traced."""
+        pairs = zip(self.stacks, self.divisions, strict=True)
+        thickness = [_cell_thickness(stack, division) for stack, division in pairs]
+        xp = array_namespace(thickness)
+        return xp.stack(thickness, axis=1) @ self.grid.cells.area.T
 
-    def volume_within(self, space: AbstractSpace | None) -> Float[np.ndarray, " n"]:
+    def volume_within(self, space: AbstractSpace | None) -> Float[Any, " n"]:
         """Volume of the part of each node in a part of space [m^3]; of all for None."""
         volume = self._cell_volumes()
         if space is not None:
@@ -253,6 +252,13 @@ class Sheet(AbstractStructure):
         rows = [typed_array(value, dtype) for value in values]
         row = len(self.stacks) * self.grid.fragment_face + self.grid.fragment_part
         return array_namespace(rows).stack(rows)[row]
+
+
+def _cell_thickness(stack: Sequence[Layer], division: Division) -> Float[Any, " m"]:
+    """Thickness of each cell through a stack [m]."""
+    fractions = np.transpose(division)
+    depths = zip(fractions, stack, strict=True)
+    return sum(fraction * layer.thickness for fraction, layer in depths)
 
 
 def _stack(layers: Any) -> tuple[Layer, ...]:
