@@ -169,6 +169,7 @@ from .voxels.from_array import grid_from_voxels as grid_from_voxels
 from .voxels.grid import VoxelGrid as VoxelGrid
 from .voxels.selection import (
     Everything as Everything,
+    Face as Face,
     FragmentMask as FragmentMask,
     Region as Region,
     Side as Side,

@@ -144,7 +144,7 @@ class BodySurface:
         selection = on.on_body(self.body)
         if selection is None:
             return np.zeros(len(self.own_position), bool)
-        selected = selection.select(self.own_position, self.own_normal)
+        selected = selection.select(self.grid.fragment_centres)
         if not selected.any():
             raise InputError(
                 f"on={selection!r} selects no surface of body {self.body}: check its "

@@ -99,7 +99,7 @@ class Coating(Module):
             )
         where = np.ones(count, bool)
         if self.on is not None:
-            where = self.on.select(grid.fragment_position, grid.fragment_normal)
+            where = self.on.select(grid.fragment_centres)
         if not where.any():
             raise InputError(
                 f"Coating(on={self.on!r}) selects no surface of its body: check its "

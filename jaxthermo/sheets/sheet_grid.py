@@ -12,12 +12,12 @@ from wadler_lindig import TextDoc
 from ..geometry.mesh import Mesh
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.lattice import Lattice
-from ..voxels.selection import AbstractSelection, AbstractSpace
+from ..voxels.selection import FACES, AbstractSelection, AbstractSpace, SurfaceSamples
 from .cells import SheetCells, corner_thirds
 
 
-FRONT = 0
-BACK = 1
+FRONT = FACES.index("front")
+BACK = FACES.index("back")
 
 
 # Without the representation of dataclasses, which prints the first nodes.
@@ -76,14 +76,19 @@ class SheetGrid(AbstractGrid):
     def selected_fraction(
         self, selection: AbstractSelection
     ) -> Float[np.ndarray, " s"]:
-        if not isinstance(selection, AbstractSpace):
-            return super().selected_fraction(selection)
         cells = self.cells
         thirds = corner_thirds(cells.vertices[cells.faces]).reshape(-1, 3)
-        area = np.repeat(cells.face_area / 3, 3) * selection.contains(thirds)
-        count = len(cells.fragments.area)
-        selected_area = np.bincount(cells.fragments.of_corner.ravel(), area, count)
-        return np.tile(selected_area / cells.fragments.area, 2)
+        front = cells.fragments.of_corner.ravel()
+        fragment = np.concatenate([front, front + len(cells.fragments.area)])
+        samples = SurfaceSamples(
+            fragments=self.fragment_centres,
+            fragment=fragment,
+            points=np.concatenate([thirds, thirds])[None],
+        )
+        (is_selected,) = selection.contains_samples(samples)
+        area = np.tile(np.repeat(cells.face_area / 3, 3), 2) * is_selected
+        selected_area = np.bincount(fragment, area, len(self.fragment_area))
+        return selected_area / self.fragment_area
 
     def cell_fractions(self, space: AbstractSpace) -> Float[np.ndarray, " n"]:
         """Fraction of each cell of the surface that lies in a part of space."""

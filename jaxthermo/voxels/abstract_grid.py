@@ -14,7 +14,7 @@ from ..geometry.mesh import Mesh
 from .cavities import Cavities
 from .lattice import Lattice
 from .represented import Represented
-from .selection import AbstractSelection
+from .selection import AbstractSelection, FragmentCentres
 from .thin_conduction import ThinConduction
 
 
@@ -60,6 +60,15 @@ class AbstractGrid(abc.ABC):
         return None
 
     @property
+    def fragment_centres(self) -> FragmentCentres:
+        """All that a selection asks of the fragments."""
+        return FragmentCentres(
+            position=self.fragment_position,
+            normal=self.fragment_normal,
+            face=self.fragment_face,
+        )
+
+    @property
     def cavities(self) -> Cavities | None:
         """Closed cavities of the body; None if there are none."""
         return None
@@ -103,8 +112,7 @@ class AbstractGrid(abc.ABC):
         self, selection: AbstractSelection
     ) -> Float[np.ndarray, " s"]:
         """Fraction of each fragment that is selected; that of a solid by its voxels."""
-        selected = selection.select(self.fragment_position, self.fragment_normal)
-        return selected.astype(float)
+        return selection.select(self.fragment_centres).astype(float)
 
     @abc.abstractmethod
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:

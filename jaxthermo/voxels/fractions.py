@@ -20,7 +20,13 @@ from ..geometry.mesh import Mesh
 from ..memo.found import found
 from .abstract_grid import AbstractGrid
 from .grid import VoxelGrid
-from .selection import AbstractSelection, AbstractSpace, SurfaceSamples, spread_points
+from .selection import (
+    AbstractSelection,
+    AbstractSpace,
+    FragmentCentres,
+    SurfaceSamples,
+    spread_points,
+)
 from .surface import face_axes
 from .voxelize import voxelize
 
@@ -125,8 +131,7 @@ def _area_fractions(
     selection: AbstractSelection, grid: VoxelGrid
 ) -> Float[np.ndarray, " s"]:
     position = grid.fragment_position
-    normal = grid.fragment_normal
-    fraction = selection.select(position, normal).astype(float)
+    fraction = selection.select(grid.fragment_centres).astype(float)
     reach = _REACH * grid.pitch
     near = np.flatnonzero(selection.divides(position - reach, position + reach))
     for start in range(0, len(near), _FRAGMENTS):
@@ -144,7 +149,7 @@ def _area_fractions(
             points=spread_points(3),
         )
         samples = SurfaceSamples(
-            position=position, normal=normal, fragment=chunk[divided], points=points
+            fragments=grid.fragment_centres, fragment=chunk[divided], points=points
         )
         fraction[chunk[divided]] = selection.contains_samples(samples).mean(axis=0)
     is_partial = ((fraction > 0) & (fraction < 1)).any()
@@ -185,7 +190,8 @@ def _selected_mesh_area(selection: AbstractSelection, mesh: Mesh, size: float) -
         is_divided = selection.divides(triangles.min(axis=1), triangles.max(axis=1))
         is_cut = is_large & is_divided
         whole = ~is_cut
-        is_selected = selection.select(triangles[whole].mean(axis=1), normal[whole])
+        centres = FragmentCentres(triangles[whole].mean(axis=1), normal[whole])
+        is_selected = selection.select(centres)
         total += float(area[whole][is_selected].sum())
         corners = triangles[is_cut]
         middles = (corners + np.roll(corners, -1, axis=1)) / 2

@@ -20,6 +20,9 @@ from ..geometry.vectors import unit_vector
 _SAMPLES = 512
 _AT_ONCE = 2**10
 
+FACES = ("front", "back")
+"""Faces of a sheet by number; the front is on the side of the normals."""
+
 
 def spread_points(dimensions: int) -> Float[np.ndarray, "p d"]:
     """Points that fill a unit cube evenly, also as seen along its edges.
@@ -36,13 +39,22 @@ def spread_points(dimensions: int) -> Float[np.ndarray, "p d"]:
     return (0.5 + np.arange(1, _SAMPLES + 1)[:, None] * steps) % 1
 
 
+class FragmentCentres(NamedTuple):
+    """Surface fragments of one body (in the body's frame)."""
+
+    position: Float[np.ndarray, "s 3"]
+    """Centres [m]."""
+    normal: Float[np.ndarray, "s 3"]
+    """Outward unit normals."""
+    face: Int[np.ndarray, " s"] | None = None
+    """Number in `FACES` of the side of a thin wall; None for a solid."""
+
+
 class SurfaceSamples(NamedTuple):
     """Points on some of the surface fragments of a body (in the body's frame)."""
 
-    position: Float[np.ndarray, "s 3"]
-    """Centres of all fragments [m]."""
-    normal: Float[np.ndarray, "s 3"]
-    """Outward unit normals of all fragments."""
+    fragments: FragmentCentres
+    """All fragments."""
     fragment: Int[np.ndarray, " m"]
     """Numbers of the fragments that the points are on."""
     points: Float[np.ndarray, "p m 3"]
@@ -66,10 +78,8 @@ class AbstractSelection(eqx.Module):
         """Its part on one body, None if it is not on that body."""
 
     @abc.abstractmethod
-    def select(
-        self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
-    ) -> Bool[np.ndarray, " s"]:
-        """Flag the selected surface fragments of one body (in the body's frame)."""
+    def select(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
+        """Flag the selected surface fragments of one body."""
 
     @property
     def is_geometric(self) -> bool:
@@ -88,7 +98,7 @@ class AbstractSelection(eqx.Module):
 
     def contains_samples(self, samples: SurfaceSamples) -> Bool[np.ndarray, "#p m"]:
         """Flag the selected points of fragments."""
-        return self.select(samples.position, samples.normal)[samples.fragment][None]
+        return self.select(samples.fragments)[samples.fragment][None]
 
     def __and__(self, selection: "AbstractSelection") -> "AbstractSelection":
         return _combined("&", (self, selection))
@@ -111,11 +121,8 @@ class AbstractSpace(AbstractSelection):
         """Flag the points (in the body's frame) that lie in it."""
 
     @override
-    def select(
-        self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
-    ) -> Bool[np.ndarray, " s"]:
-        del normal
-        return self.contains(position)
+    def select(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
+        return self.contains(fragments.position)
 
     @override
     def divides(
@@ -203,13 +210,40 @@ class Side(_AbstractOnOneBody):
             )
 
     @override
-    def select(
-        self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
-    ) -> Bool[np.ndarray, " s"]:
-        del position
+    def select(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
         # Tolerance for normals exactly at the half angle, as on a cube or an octagon.
-        cosine = normal @ unit_vector(self.normal)
+        cosine = fragments.normal @ unit_vector(self.normal)
         return np.greater(cosine, np.cos(self.half_angle) - 1e-9)
+
+
+class Face(_AbstractOnOneBody):
+    """One of the two faces of a sheet: "front", on the side of the normals, or "back".
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> steel = jt.Material(45.0, 7850.0, specific_heat=480.0)
+        >>> panel = jt.shapes.rectangle(1.0, 0.5)
+        >>> sheet = jt.Sheet(panel, (jt.Layer(steel, 0.8e-3),), pitch=0.05)
+        >>> dry = jt.Convection(5.0, 293.0, on=jt.Face("back"))
+        >>> windy = jt.Convection(20.0, 283.0, on=~jt.Face("back"))
+    """
+
+    name: str = eqx.field(static=True)
+    """"front" or "back"."""
+    body: int = static_numbers(0)
+
+    def __check_init__(self):
+        if self.name not in FACES:
+            raise InputError(f'Face({self.name!r}): give "front" or "back"')
+
+    @override
+    def select(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
+        if fragments.face is None:
+            raise InputError(
+                f"Face({self.name!r}): body {self.body} is solid and has no face of "
+                "that name, only a sheet has: select a Side(normal)"
+            )
+        return np.equal(fragments.face, FACES.index(self.name))
 
 
 class Region(_AbstractOnOneBody, AbstractSpace):
@@ -324,15 +358,12 @@ class FragmentMask(_AbstractOnOneBody):
         return f"FragmentMask({selected} of {self.count} fragments, body={self.body})"
 
     @override
-    def select(
-        self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
-    ) -> Bool[np.ndarray, " s"]:
-        del normal
-        if len(position) != self.count:
+    def select(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
+        if len(fragments.position) != self.count:
             raise InputError(
                 f"FragmentMask(mask=): it has {self.count} values and body "
-                f"{self.body} has {len(position)} fragments: make it from the grid of "
-                "that body"
+                f"{self.body} has {len(fragments.position)} fragments: make it from "
+                "the grid of that body"
             )
         return self.mask
 
@@ -398,10 +429,9 @@ class _CombinedSurface(_AbstractCombination):
     operands: tuple[AbstractSelection, ...]
 
     @override
-    def select(
-        self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
-    ) -> Bool[np.ndarray, " s"]:
-        return _RULES[self.rule]([p.select(position, normal) for p in self.operands])
+    def select(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
+        flags = [operand.select(fragments) for operand in self.operands]
+        return _RULES[self.rule](flags)
 
 
 class _CombinedSpace(_AbstractCombination, AbstractSpace):

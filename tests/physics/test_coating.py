@@ -78,7 +78,7 @@ def test_each_fragment_may_have_its_own_and_so_may_materials():
 def test_the_surface_of_a_solution_has_it():
     body = body_of(jt.Coating(0.9, on=TOP))
     (surface,) = compile_scene(jt.Scene((body,), TERMS)).surfaces
-    top = TOP.select(GRID.fragment_position, GRID.fragment_normal)
+    top = TOP.select(GRID.fragment_centres)
     assert_allclose(surface.emissivity, np.where(top, 0.9, 0.3), rtol=1e-7)
     assert_allclose(surface.absorptivity, np.where(top, 0.9, 0.5), rtol=1e-7)
 

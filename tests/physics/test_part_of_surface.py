@@ -40,7 +40,7 @@ TERMS = {
 @pytest.mark.parametrize("make", TERMS.values(), ids=TERMS)
 def test_two_parts_are_the_whole(make):
     surface = whole(surface_of(GRID), surface_of(GRID, body=1))
-    selected = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
+    selected = UPPER.select(GRID.fragment_centres)
     on_upper, on_lower, on_all = (
         make(on).bind(surface) for on in (UPPER, ~UPPER, None)
     )

@@ -29,6 +29,7 @@ body = jt.Body(jt.FullVolume(grid), clay, temperature=293.0, surface_map=maps[2]
 panel = jt.Sheet(mesh, (jt.Layer(clay, thickness=1e-3),), pitch=0.01)
 wall = jt.Body(panel, temperature=293.0)
 top = jt.Side((0.0, 0.0, 1.0))
+inner = jt.Convection(5.0, 290.0, on=jt.Face("back", body=1) & ~jt.Face("front", 1))
 middle = jt.Region((0, 0, 0), (0.1, 0.1, 0.1))
 matt = jt.Coating(0.9, absorptivity=0.3, on=top & ~middle | jt.Side((1.0, 0.0, 0.0)))
 coated = jt.Body(coarse[1], clay, temperature=293.0, coatings=(matt,))

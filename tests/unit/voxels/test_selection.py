@@ -7,6 +7,8 @@ from jaxthermo.errors import InputError
 from jaxthermo.voxels.selection import (
     AbstractSpace,
     Everything,
+    Face,
+    FragmentCentres,
     FragmentMask,
     Region,
     Side,
@@ -15,12 +17,13 @@ from jaxthermo.voxels.selection import (
 
 POSITION = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
 NORMAL = np.tile([0.0, 0.0, 1.0], (3, 1))
+FRAGMENTS = FragmentCentres(POSITION, NORMAL)
 
 
 @pytest.mark.parametrize("mask", [[True, False, True], [False] * 3, [True] * 3])
 def test_a_mask_chooses_what_it_marks(mask):
     on = FragmentMask(np.array(mask), body=2)
-    np.testing.assert_array_equal(on.select(POSITION, NORMAL), mask)
+    np.testing.assert_array_equal(on.select(FRAGMENTS), mask)
     np.testing.assert_array_equal(on.mask, mask)
     assert on.body == 2
     assert repr(on) == f"FragmentMask({sum(mask)} of 3 fragments, body=2)"
@@ -36,7 +39,7 @@ def test_masks_can_be_compared_and_hashed():
 
 def test_a_mask_of_another_body_is_told():
     with pytest.raises(InputError, match="has 5 values and body 0 has 3 fragments"):
-        FragmentMask(np.ones(5, bool)).select(POSITION, NORMAL)
+        FragmentMask(np.ones(5, bool)).select(FRAGMENTS)
 
 
 @pytest.mark.parametrize("mask", [[1, 0, 1], np.ones((3, 1), bool), "all", []])
@@ -48,13 +51,13 @@ def test_only_truth_values_make_a_mask(mask):
 def test_everything_is_all_of_a_body():
     everything = Everything(body=1)
     assert everything.body == 1
-    assert everything.select(POSITION, NORMAL).all()
+    assert everything.select(FRAGMENTS).all()
     assert everything.contains(POSITION).shape == (3,)
 
 
 def test_a_region_chooses_the_surface_in_it():
     region = Region(lower=(0.5, -1.0, -1.0), upper=(5.0, 1.0, 1.0))
-    np.testing.assert_array_equal(region.select(POSITION, NORMAL), [False, True, True])
+    np.testing.assert_array_equal(region.select(FRAGMENTS), [False, True, True])
 
 
 FACES = np.concatenate([np.eye(3), -np.eye(3)])
@@ -64,7 +67,7 @@ TOP = Side((0.0, 0.0, 1.0))
 
 
 def flags(on) -> list[bool]:
-    return on.select(FACES, FACES).tolist()
+    return on.select(FragmentCentres(FACES, FACES)).tolist()
 
 
 def test_selections_combine_like_sets():
@@ -102,3 +105,16 @@ def test_a_combination_is_on_the_bodies_of_its_parts():
         _ = TOP & Everything(1)
     with pytest.raises(InputError, match="combine selections only"):
         _ = TOP | 3  # pyright: ignore[reportOperatorIssue]
+
+
+def test_a_face_is_a_side_of_a_sheet():
+    both = FragmentCentres(FACES, FACES, face=np.repeat([0, 1], 3))
+    front = Face("front", body=1)
+    assert front.select(both).tolist() == [True] * 3 + [False] * 3
+    assert (~front).select(both).tolist() == Face("back").select(both).tolist()
+    assert (front & Side((0.0, 0.0, 1.0), body=1)).select(both).sum() == 1
+    assert front.bodies == (1,)
+    with pytest.raises(InputError, match=r"body 1 is solid and has no face of"):
+        front.select(FRAGMENTS)
+    with pytest.raises(InputError, match=r'Face\(\'top\'\): give "front" or "back"'):
+        Face("top")
