@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import scipy
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..errors import InputError
 from ..geometry.vectors import unit_vector
@@ -101,6 +101,18 @@ class Plate(NamedTuple):
         return np.asarray(self.area / width)
 
 
+class Plates(NamedTuple):
+    """Plates, and the one that each surface fragment is on."""
+
+    plates: tuple[Plate, ...]
+    member: Int[np.ndarray, " s"]
+
+    @classmethod
+    def of_one(cls, plate: Plate, count: int) -> "Plates":
+        """One plate with all of a number of fragments."""
+        return cls((plate,), np.zeros(count, np.int64))
+
+
 class Sphere(NamedTuple):
     """Round body."""
 
@@ -179,7 +191,7 @@ def _shape_of(grid: VoxelGrid, body_shape: BodyShape | None) -> Plate | Sphere |
             f"body_shape={body_shape!r}: the mesh {grid.mesh.name!r} is flat and has "
             "no volume: leave body_shape out"
         ) from error
-    plate = _plate(hull)
+    plate = plate_across(hull.normal, hull.corners)
     volume = _filled_volume(grid)
     # The hull of few of the corners is a little smaller than the body.
     sphere = Sphere(float(np.cbrt(6 / np.pi * max(volume, hull.volume))))
@@ -239,13 +251,14 @@ def _hull(points: Float[np.ndarray, "n 3"]) -> _Hull:
     )
 
 
-def _plate(hull: _Hull) -> Plate:
-    """A hull as a plate across its smallest extent."""
-    normal = hull.normal
+def plate_across(
+    normal: Float[np.ndarray, "3"], corners: Float[np.ndarray, "n 3"]
+) -> Plate:
+    """Plate around points, which may lie in a plane, with the given unit normal."""
     # Any two axes of the plane, which the sides of the silhouette replace.
     first = unit_vector(np.cross(normal, np.eye(3)[np.abs(normal).argmin()]))
     second = np.cross(normal, first)
-    flat = np.stack([hull.corners @ first, hull.corners @ second], axis=1)
+    flat = np.stack([corners @ first, corners @ second], axis=1)
     silhouette = scipy.spatial.ConvexHull(flat)
     outline = flat[silhouette.vertices]
     sides = np.roll(outline, -1, axis=0) - outline
@@ -264,7 +277,7 @@ def _plate(hull: _Hull) -> Plate:
     return Plate(
         normal=normal,
         long_axis=long_axis[0] * first + long_axis[1] * second,
-        thickness=hull.thickness,
+        thickness=float(np.ptp(corners @ normal)),
         long_side=max(length, width),
         short_side=min(length, width),
         # In a plane scipy's volume is an area, and its area a perimeter.

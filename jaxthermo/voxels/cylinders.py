@@ -22,6 +22,7 @@ from ..errors import InputError
 from ..geometry.vectors import unit_vector
 from ..memo.found import found
 from ..memo.stored import stored_search
+from .abstract_grid import AbstractGrid
 from .grid import VoxelGrid
 
 
@@ -261,7 +262,7 @@ def whole_body(grid: VoxelGrid) -> CylinderParts:
 
 
 def parts_of(
-    grid: VoxelGrid, cylinders: tuple[Cylinder, ...], body: int
+    grid: AbstractGrid, cylinders: tuple[Cylinder, ...], body: int
 ) -> CylinderParts:
     """The user's cylinders for a body, or else those of its decomposition.
 
@@ -271,6 +272,8 @@ def parts_of(
     selected = [cylinder for cylinder in cylinders if cylinder.body == body]
     if selected:
         return _nearest_parts(selected, grid.fragment_position)
+    # A sheet without cylinders has plates.
+    assert isinstance(grid, VoxelGrid)
     return cylinder_parts(grid)
 
 

@@ -137,6 +137,8 @@ class FlowGroups(NamedTuple):
     """Index of each fragment's group."""
     axis: Float[np.ndarray, "s 3"]
     """Unit vector along each fragment's cylinder, in the body's frame."""
+    part: Int[np.ndarray, " g"]
+    """Index of each group's cylinder."""
 
 
 def group_fragments(
@@ -157,6 +159,7 @@ def group_fragments(
         behind=np.where(group_exposed > 0, np.inf, rounded),
         member=member,
         axis=axis[number],
+        part=group_cylinder,
     )
 
 

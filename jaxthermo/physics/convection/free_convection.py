@@ -34,9 +34,9 @@ from ...errors import InputError
 from ...voxels.body_shape import (
     BodyShape,
     Plate,
+    Plates,
     Sphere,
     check_body_shape,
-    shape_of,
 )
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
@@ -60,6 +60,7 @@ from .buoyancy import (
     film_rows,
     sixth_root,
 )
+from .convection_shape import convection_shape
 from .film import SAMPLING_MARGIN, AbstractFilmLaw, FilmState, film_range
 from .shape_exchange import PlateExchange, SphereExchange, plate_factors
 
@@ -288,20 +289,20 @@ class FreeConvection(AbstractSurfaceTerm):
 
     def _law(self, body: BodySurface) -> "_BodyLaw":
         """Law of one body by its shape."""
-        shape = shape_of(body.voxels, self.body_shape, self.cylinders, body.body)
+        shape = convection_shape(body, self.body_shape, self.cylinders)
         up = body.pose.rotate_back(np.array([0.0, 0.0, 1.0]))
-        if isinstance(shape, Plate):
+        if isinstance(shape, Plates):
             return _BodyLaw(
                 PlateExchange,
-                plate_factors(shape, normal=body.own_normal, up=up, length=self.length),
-                _plate_line(shape, up=up, length=self.length),
+                _factors_of_plates(shape, body.own_normal, up=up, length=self.length),
+                _plates_line(shape, up=up, length=self.length),
             )
         if isinstance(shape, Sphere):
             diameter = self.length or shape.diameter
             per_length = np.full(len(body.area), 1 / diameter)
             line = f"a sphere with L = {_metres(diameter)}, its diameter (Churchill)"
             return _BodyLaw(SphereExchange, {"per_length": per_length}, line)
-        cylinder_parts = parts_of(body.voxels, self.cylinders, body.body)
+        cylinder_parts = parts_of(body.grid, self.cylinders, body.body)
         factors = [
             self._cylinder_factors(cylinder, up)
             for cylinder in cylinder_parts.cylinders
@@ -362,6 +363,37 @@ class _BodyLaw(NamedTuple):
     """Factors of the fragments, by the names of its fields."""
     description: str
     """The shape of the body, its lengths and the source of the law."""
+
+
+def _factors_of_plates(
+    shape: Plates,
+    normal: Float[np.ndarray, "s 3"],
+    *,
+    up: Float[np.ndarray, "3"],
+    length: float | None,
+) -> dict[str, Float[np.ndarray, " s"]]:
+    """Factors of `plate_factors` of all fragments, by their plates."""
+    factors: dict[str, Float[np.ndarray, " s"]] = {}
+    for number, plate in enumerate(shape.plates):
+        on_plate = np.flatnonzero(shape.member == number)
+        of_plate = plate_factors(plate, normal=normal[on_plate], up=up, length=length)
+        for name, values in of_plate.items():
+            factors.setdefault(name, np.zeros(len(normal)))[on_plate] = values
+    return factors
+
+
+def _plates_line(
+    shape: Plates, up: Float[np.ndarray, "3"], length: float | None
+) -> str:
+    if len(shape.plates) == 1:
+        return _plate_line(shape.plates[0], up, length)
+    faces = [length or plate.length for plate in shape.plates]
+    heights = [length or float(plate.mean_length(up)) for plate in shape.plates]
+    return (
+        f"{len(shape.plates)} panels, each a plate, sides up and down with L = A / P = "
+        f"{_metres(min(faces))} to {_metres(max(faces))} (McAdams), upright with L = "
+        f"{_metres(min(heights))} to {_metres(max(heights))} (Churchill and Chu)"
+    )
 
 
 def _plate_line(plate: Plate, up: Float[np.ndarray, "3"], length: float | None) -> str:

@@ -33,8 +33,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import is_traced, smooth_step
-from ...geometry.vectors import unit_vector
-from ...voxels.body_shape import Plate, Sphere
+from ...geometry.vectors import row_dot, unit_vector
+from ...voxels.body_shape import Plates, Sphere
 from ..flux_law import Values
 from .air import kinematic_viscosity
 from .cross_flow import FlowGroups, uniform_coefficients
@@ -128,8 +128,8 @@ class MeanNumber(NamedTuple):
     """A mean Nusselt number that acts on a body, with its length."""
 
     correlation: NamedAverage
-    length: float
-    """[m]"""
+    length: Float[np.ndarray, " p"]
+    """Length on each plate, or of the sphere [m]."""
     weight: Float[np.ndarray, " s"]
     """Part that it has in the number of each fragment [-]."""
     by_reynolds: Callable[[Float[Array, "*n"]], Float[Array, "*n"]] = _whole
@@ -137,29 +137,35 @@ class MeanNumber(NamedTuple):
 
 
 def mean_numbers(
-    shape: Plate | Sphere,
+    shape: Plates | Sphere,
     normal: Float[np.ndarray, "s 3"],
     wind: Float[np.ndarray, "3"],
 ) -> tuple[MeanNumber, ...]:
-    """Numbers of a plate or a sphere, from outward normals and the wind's direction.
+    """Numbers of plates or a sphere, from outward normals and the wind's direction.
 
     All vectors have length one, in the frame of the body.
     """
     if isinstance(shape, Sphere):
-        return (MeanNumber(_WHITAKER, shape.diameter, np.ones(len(normal))),)
-    toward = float(shape.normal @ wind)
-    t = min(abs(toward) / _FULL_ATTACK, 1.0)
-    across = smooth_step(t)
-    windward = (1 - np.sign(toward) * (normal @ shape.normal)) / 2
-    along = float(shape.mean_length(wind))
-    along_weight = np.full(len(normal), 1 - across)
+        diameter = np.array([shape.diameter])
+        return (MeanNumber(_WHITAKER, diameter, np.ones(len(normal))),)
+    plates = shape.plates
+    across_plate = np.stack([plate.normal for plate in plates])
+    toward = across_plate @ wind
+    attack = smooth_step(np.minimum(np.abs(toward) / _FULL_ATTACK, 1.0))
+    across = attack[shape.member]
+    against = np.sign(toward)[:, None] * across_plate
+    windward = (1 - row_dot(normal, against[shape.member])) / 2
+    along = np.array([float(plate.mean_length(wind)) for plate in plates])
+    along_weight = 1 - across
+    hydraulic_length = np.array([plate.hydraulic_length for plate in plates])
+    short_side = np.array([plate.short_side for plate in plates])
     numbers = (
         MeanNumber(_LAMINAR, along, weight=along_weight, by_reynolds=_laminar_fraction),
         MeanNumber(
             _TURBULENT, along, weight=along_weight, by_reynolds=_turbulent_fraction
         ),
-        MeanNumber(_WINDWARD, length=shape.hydraulic_length, weight=across * windward),
-        MeanNumber(_LEEWARD, length=shape.short_side, weight=across * (1 - windward)),
+        MeanNumber(_WINDWARD, length=hydraulic_length, weight=across * windward),
+        MeanNumber(_LEEWARD, length=short_side, weight=across * (1 - windward)),
     )
     return tuple(number for number in numbers if number.weight.any())
 
@@ -182,14 +188,17 @@ def mean_coefficients(
             speeds,
             air=air,
             speed_ratio=speed_ratio,
-            groups=groups._replace(
-                diameter=np.full_like(groups.diameter, number.length)
-            ),
+            groups=groups._replace(diameter=number.length[groups.part]),
             average=number.correlation,
             dtype=dtype,
         )
         by_group = _weight_by_reynolds(
-            number, speeds=speeds, air=air, ratio=speed_ratio, dtype=dtype
+            number,
+            length=number.length[groups.part],
+            speeds=speeds,
+            air=air,
+            ratio=speed_ratio,
+            dtype=dtype,
         )
         by_fragment = by_group[:, groups.member] * number.weight.astype(dtype)[None]
         total = total + by_fragment[:, None] * rows
@@ -198,6 +207,7 @@ def mean_coefficients(
 
 def _weight_by_reynolds(
     number: MeanNumber,
+    length: Float[np.ndarray, " g"],
     speeds: Float[Values, " v"],
     air: Float[Values, ""],
     ratio: Float[Values, "*#v g"],
@@ -210,22 +220,31 @@ def _weight_by_reynolds(
         ratios = ratios if ratios.ndim == 2 else ratios[None]
         local = jnp.asarray(speeds, dtype)[:, None] * ratios
         viscosity = kinematic_viscosity(jnp.asarray(air, dtype))
-        weight = number.by_reynolds(local * number.length / viscosity)
+        lengths = jnp.asarray(length.astype(dtype))[None]
+        weight = number.by_reynolds(local * lengths / viscosity)
         return weight if is_traced(weight) else np.asarray(weight)
 
 
 def described(
-    shape: Plate | Sphere, numbers: tuple[MeanNumber, ...], wind: np.ndarray
+    shape: Plates | Sphere, numbers: tuple[MeanNumber, ...], wind: np.ndarray
 ) -> str:
     """One line on the shape of a body, its numbers and their lengths."""
     sources = ", ".join(
-        f"{number.correlation.name} with L = {number.length:.3g} m"
+        f"{number.correlation.name} with L = {_range_of(number.length)}"
         for number in numbers
     )
     if isinstance(shape, Sphere):
         return f"a sphere: {sources}, its diameter"
-    attack = np.degrees(np.arcsin(min(abs(float(shape.normal @ unit_vector(wind))), 1)))
+    if len(shape.plates) > 1:
+        return f"{len(shape.plates)} panels, each a plate: {sources}"
+    plate = shape.plates[0]
+    attack = np.degrees(np.arcsin(min(abs(float(plate.normal @ unit_vector(wind))), 1)))
     return (
-        f"a plate {shape.thickness:.3g} m thick, {attack:.3g} degrees out of the wind: "
+        f"a plate {plate.thickness:.3g} m thick, {attack:.3g} degrees out of the wind: "
         f"{sources}"
     )
+
+
+def _range_of(lengths: Float[np.ndarray, " p"]) -> str:
+    ends = dict.fromkeys(f"{end:.3g} m" for end in (lengths.min(), lengths.max()))
+    return " to ".join(ends)

@@ -32,14 +32,8 @@ from ...arrays import TimeVarying, is_traced, namespace
 from ...errors import InputError
 from ...geometry.vectors import unit_vector
 from ...memo.found import found
-from ...voxels.body_shape import (
-    BodyShape,
-    Plate,
-    Sphere,
-    check_body_shape,
-    shape_of,
-)
-from ...voxels.cylinders import Cylinder, given_cylinders, parts_of, whole_body
+from ...voxels.body_shape import BodyShape, Plates, Sphere, check_body_shape
+from ...voxels.cylinders import Cylinder, given_cylinders
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward
 from ..flux_law import Forcing, Values
@@ -54,6 +48,7 @@ from ..time_varying import (
     value_at,
 )
 from .air import kinematic_viscosity
+from .convection_shape import convection_shape, flow_parts
 from .cross_flow import (
     FlowGroups,
     film_coefficients,
@@ -256,18 +251,17 @@ class Wind(AbstractSurfaceTerm):
             air = _initial_value(self.temperature, dtype)
             per_metre = highest / kinematic_viscosity(jnp.asarray(air))
             ratio = jnp.asarray(self._speed_ratio(flow, highest[None]), dtype)
-            local = ratio.reshape(-1) * groups.diameter.astype(dtype) * per_metre
-            reached = local[np.unique(groups.member[cooled])]
+            unit_length = ratio.reshape(-1) * per_metre
+            used = np.unique(groups.member[cooled])
+            reached = (unit_length * groups.diameter.astype(dtype))[used]
             upstream = felt.astype(dtype) * per_metre
         ranges = [Note(body, partial(_validity_lines, self.average), reached)]
         if flow.numbers:
-            # A plate or a sphere is one group.
-            per_length = reached.max() / float(groups.diameter[0])
             ranges = [
                 Note(
                     body,
                     partial(_range_lines, number.correlation),
-                    per_length * float(number.length),
+                    _reached(unit_length, number.length[groups.part])[used],
                 )
                 for number in flow.numbers
             ]
@@ -304,14 +298,12 @@ class Wind(AbstractSurfaceTerm):
 
     def _flow(self, surface: BodySurface, cooled: Bool[np.ndarray, " s"]) -> "_Flow":
         wakes = self._wakes(surface)
-        shape = shape_of(
-            surface.voxels, self.body_shape, self.cylinders, body=surface.body
-        )
+        shape = convection_shape(surface, self.body_shape, self.cylinders)
         numbers = ()
         if shape is not None:
             wind = surface.pose.rotate_back(unit_vector(self.velocity))
             numbers = mean_numbers(shape, normal=surface.own_normal, wind=wind)
-        groups = self._groups(surface, wakes, is_whole=shape is not None)
+        groups = self._groups(surface, wakes, shape)
         return _Flow(
             surface,
             cooled=cooled,
@@ -340,21 +332,20 @@ class Wind(AbstractSurfaceTerm):
         )
 
     def _groups(
-        self, surface: BodySurface, wakes: Wakes | WakeGeometry, is_whole: bool
+        self,
+        surface: BodySurface,
+        wakes: Wakes | WakeGeometry,
+        shape: Plates | Sphere | None,
     ) -> FlowGroups:
-        grid = surface.voxels
-        number = surface.body
-        cylinders = tuple(c for c in self.cylinders if c.body == number)
+        grid = surface.grid
+        cylinders = tuple(c for c in self.cylinders if c.body == surface.body)
         # Without a wake, and in a fitted one, the groups are the cylinders.
         by_cylinder = self.wake is None or isinstance(wakes, WakeGeometry)
         behind = np.full(len(surface.position), np.inf) if by_cylinder else wakes.behind
         return found(
             (grid,) if by_cylinder else (grid, wakes.behind),
-            ("flow_groups", is_whole, cylinders),
-            lambda: group_fragments(
-                whole_body(grid) if is_whole else parts_of(grid, cylinders, number),
-                behind,
-            ),
+            ("flow_groups", type(shape), cylinders),
+            lambda: group_fragments(flow_parts(surface, shape, cylinders), behind),
         )
 
     def _coefficients(self, flow: "_Flow", nodes: int) -> Any:
@@ -402,10 +393,10 @@ class _Flow(NamedTuple):
     """Fragments that the wind cools."""
     wakes: Wakes | WakeGeometry
     groups: FlowGroups
-    shape: Plate | Sphere | None
+    shape: Plates | Sphere | None
     """None for cylinders."""
     numbers: tuple[MeanNumber, ...]
-    """Nusselt numbers of a plate or a sphere."""
+    """Nusselt numbers of plates or a sphere."""
 
     @property
     def has_fitted_wakes(self) -> bool:
@@ -438,10 +429,19 @@ def _validity_lines(average: str, reynolds: Float[np.ndarray, " g"]) -> tuple[st
 
 
 def _range_lines(
-    correlation: NamedAverage, reynolds: Float[np.ndarray, ""]
+    correlation: NamedAverage, reynolds: Float[np.ndarray, " g"]
 ) -> tuple[str, ...]:
-    """A line if the Reynolds number is outside a correlation's range."""
-    return correlation.range_note(float(reynolds))
+    """Lines where Reynolds numbers are outside a correlation's range."""
+    ends = float(reynolds.min()), float(reynolds.max())
+    lines = [line for end in ends for line in correlation.range_note(end)]
+    return tuple(dict.fromkeys(lines))
+
+
+def _reached(
+    per_length: Float[Array, " g"], length: Float[np.ndarray, " g"]
+) -> Float[Array, " g"]:
+    """Reynolds numbers of groups with these lengths."""
+    return per_length * length.astype(per_length.dtype)
 
 
 def _table_limit(speed: Any) -> Float[Any, ""] | float:
