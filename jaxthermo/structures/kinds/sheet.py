@@ -176,7 +176,8 @@ class Sheet(AbstractStructure):
         pairs = zip(self.stacks, self.divisions, strict=True)
         thickness = [_cell_thickness(stack, division) for stack, division in pairs]
         xp = array_namespace(thickness)
-        return xp.stack(thickness, axis=1) @ self.grid.cells.area.T
+        rows = xp.stack(thickness, axis=1)
+        return rows @ typed_array(self.grid.cells.area.T, rows.dtype)
 
     def volume_within(self, space: AbstractSpace | None) -> Float[Any, " n"]:
         """Volume of the part of each node in a part of space [m^3]; of all for None."""
@@ -256,9 +257,11 @@ class Sheet(AbstractStructure):
 
 def _cell_thickness(stack: Sequence[Layer], division: Division) -> Float[Any, " m"]:
     """Thickness of each cell through a stack [m]."""
-    fractions = np.transpose(division)
-    depths = zip(fractions, stack, strict=True)
-    return sum(fraction * layer.thickness for fraction, layer in depths)
+    depth = [layer.thickness for layer in stack]
+    xp = array_namespace(depth)
+    dtype = np.float64 if xp is np else xp.result_type(*depth)
+    thickness = xp.stack([xp.asarray(value, dtype) for value in depth])
+    return np.asarray(division, dtype) @ thickness
 
 
 def _stack(layers: Any) -> tuple[Layer, ...]:
