@@ -203,7 +203,8 @@ class BodySurface:
         """Result of a search from all fragments through the scene, made once.
 
         Args:
-            search: takes triangles, positions, normals, the pitch and the options.
+            search: takes triangles, positions, normals, the edges of fragments as the
+                pitch, and the options.
             by: values on which its result depends, besides the surfaces and the pitch;
                 None if they are unknown.
             task: its name, which ends before the body.
@@ -216,7 +217,7 @@ class BodySurface:
                 self.scene_triangles,
                 position=self.position,
                 normal=self.normal,
-                pitch=self.pitch,
+                pitch=self.grid.fragment_edge,
                 **options,
             ),
             search=f"{task} body {self.body}",

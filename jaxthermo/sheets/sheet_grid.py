@@ -19,6 +19,9 @@ from .cells import SheetCells, corner_thirds
 FRONT = FACES.index("front")
 BACK = FACES.index("back")
 
+# Edge of a square within a fragment, over that of one of its area.
+_INSCRIBED = 0.8
+
 
 # Without the representation of dataclasses, which prints the first nodes.
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,6 +69,14 @@ class SheetGrid(AbstractGrid):
     @override
     def fragment_centre(self) -> Float[np.ndarray, "s 3"]:
         return self.fragment_position
+
+    @cached_property
+    @override
+    def fragment_edge(self) -> Float[np.ndarray, " s"]:
+        # A square within the fragment, whatever its shape: light does not come around
+        # the border of a sheet.
+        inscribed = _INSCRIBED * np.sqrt(self.fragment_area)
+        return np.minimum(inscribed, self.pitch)
 
     @cached_property
     @override

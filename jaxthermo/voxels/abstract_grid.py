@@ -45,6 +45,11 @@ class AbstractGrid(abc.ABC):
         return self.lattice.pitch
 
     @property
+    def fragment_edge(self) -> float | Float[np.ndarray, " s"]:
+        """Edge of a square that each fragment covers [m]: the pitch, for voxels."""
+        return self.pitch
+
+    @property
     @abc.abstractmethod
     def fragment_foot(self) -> Float[np.ndarray, "s 3"]:
         """Point of the surface whose temperature each fragment has [m]."""

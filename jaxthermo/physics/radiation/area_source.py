@@ -27,7 +27,7 @@ from ...voxels.selection import AbstractSelection
 from ..time_varying import check_one_of, check_value, value_at
 from .source import AbstractSource, Appearance, fixed_or_moving, seen
 from .source_motion import Triple
-from .visibility import lit_fraction_from_point
+from .visibility import edges_of_points, lit_fraction_from_point
 
 
 _Vectors = Float[np.ndarray, "s 3"]
@@ -221,7 +221,7 @@ class AreaSource(AbstractSource):
                     position=position[seen],
                     normal=normal[seen],
                     eye=corners.mean(0),
-                    pitch=pitch,
+                    pitch=edges_of_points(pitch, seen),
                 )
                 exposure[seen] += np.pi * factor[seen] * lit
         return exposure

@@ -32,7 +32,12 @@ from ..term import OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .source_motion import Triple, triple
-from .visibility import lit_fraction, lit_fraction_from_point
+from .visibility import (
+    SquareEdge,
+    edges_of_points,
+    lit_fraction,
+    lit_fraction_from_point,
+)
 
 
 _Rays = Float[np.ndarray, "p 3"]
@@ -133,7 +138,7 @@ class AbstractSource(AbstractRadiativeTerm):
         triangles: Float[np.ndarray, "f 3 3"],
         position: Float[np.ndarray, "s 3"],
         normal: Float[np.ndarray, "s 3"],
-        pitch: float,
+        pitch: SquareEdge,
     ) -> Float[np.ndarray, " s"]:
         """Irradiance of surface points for a unit of strength, never negative.
 
@@ -141,7 +146,7 @@ class AbstractSource(AbstractRadiativeTerm):
             triangles: all surfaces that cast shadows, world [m].
             position: surface points [m].
             normal: outward unit normals at the points.
-            pitch: edge of the squares that the points represent [m].
+            pitch: edge of the squares that the points represent [m], one or one each.
         """
 
     @property
@@ -347,7 +352,7 @@ class PointSource(AbstractSource):
             position=position[facing],
             normal=normal[facing],
             eye=origin,
-            pitch=pitch,
+            pitch=edges_of_points(pitch, facing),
         )
         return exposed
 

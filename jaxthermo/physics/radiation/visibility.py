@@ -16,7 +16,7 @@ and F_ground = (1 - n_z) / 2.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ...arrays import linear_map
 from ...errors import InputError
@@ -36,14 +36,37 @@ from ...raster.views import (
 from ..surface import BodySurface
 
 
-# Distance of the four samples from the fragment's centre, in voxels.
+# Distance of the four samples from the fragment's centre, over the edge of its square.
 _SAMPLE_RADIUS = 0.3
+
+# Pixel of a shadow map, over the edge of the squares: of voxels, and of thin walls.
+# Walls are close to each other, and end where those behind them end: there a sample
+# that is a pixel off is on the wrong side.
+_SHADOW_PIXEL = 0.5
+_FINE_SHADOW_PIXEL = 0.125
 
 # Samples are lifted off the surface along its normal by this many pixels. The depth of
 # a plane varies by less than sqrt(1/2) across a pixel at any angle, so a surface never
 # shades itself, and a shadow is displaced by less than half a voxel as the source sees
 # it. In perspective this holds with a pixel's size at the fragment's depth.
 _LIFT = 0.75
+
+
+SquareEdge = float | Float[np.ndarray, " _"]
+"""Edge of the square that each point represents [m]: that of a voxel, or, of points on
+thin walls, one for each point."""
+
+
+def edges_of_points(edge: SquareEdge, points: Int[np.ndarray, " m"]) -> SquareEdge:
+    """Edges of the squares of some of the points."""
+    return edge[points] if isinstance(edge, np.ndarray) else edge
+
+
+def _shadow_pixel(edge: SquareEdge) -> float:
+    """Pixel of a shadow map [m]."""
+    if isinstance(edge, np.ndarray):
+        return _FINE_SHADOW_PIXEL * float(edge.max())
+    return _SHADOW_PIXEL * edge
 
 
 def _check_map(view: OrthographicView | PerspectiveView, task: str) -> None:
@@ -55,11 +78,12 @@ def _lit_samples(
     nearest: Float[np.ndarray, "h w"],
     raised: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
-    pitch: float,
+    pitch: SquareEdge,
 ) -> Float[np.ndarray, " s"]:
     """Fraction of the samples around lifted points with nothing in front of them."""
     lit = np.zeros(len(raised))
-    first, second = (t * _SAMPLE_RADIUS * pitch for t in tangents(normal))
+    radius = _SAMPLE_RADIUS * np.reshape(pitch, (-1, 1))
+    first, second = (t * radius for t in tangents(normal))
     for offset in (first, -first, second, -second):
         sample = view.project(raised + offset)
         lit += 0.25 * (sample[:, 2] <= nearest[pixels_at(view, sample)])
@@ -72,24 +96,29 @@ def lit_fraction(
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     direction: object,
-    pitch: float,
+    pitch: SquareEdge,
 ) -> Float[np.ndarray, " s"]:
     """Fraction of each surface point's square that parallel rays hit [-].
 
     Triangles cast the shadows; points and triangles are in the world [m]. The squares
-    have the edge `pitch` [m], and a pixel of the map is half of it.
+    have the edge `pitch` [m], and a pixel of the map is half of it, or an eighth of the
+    largest one where each point has its own.
     """
     lit = np.zeros(len(position))
     facing = np.flatnonzero(normal @ view_frame(direction)[2] < 0)
     if not len(facing):
         return lit
     # The map covers only surfaces that may be lit: a vast ground costs nothing.
-    view = orthographic_view(position[facing], direction, pitch / 2)
+    view = orthographic_view(position[facing], direction, _shadow_pixel(pitch))
     _check_map(view, "a shadow map")
     nearest, _ = depth_range(view.project(triangles), view.width, view.height)
     raised = position[facing] + normal[facing] * _LIFT * view.pitch
     lit[facing] = _lit_samples(
-        view, nearest=nearest, raised=raised, normal=normal[facing], pitch=pitch
+        view,
+        nearest=nearest,
+        raised=raised,
+        normal=normal[facing],
+        pitch=edges_of_points(pitch, facing),
     )
     return lit
 
@@ -100,24 +129,29 @@ def lit_fraction_from_point(
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     eye: Float[np.ndarray, "3"],
-    pitch: float,
+    pitch: SquareEdge,
 ) -> Float[np.ndarray, " s"]:
     """Fraction of each surface point's square that rays from `eye` [m] hit [-].
 
-    Arguments as for `lit_fraction`; a pixel is half of the pitch or less at each point.
+    Arguments and pixels are those of `lit_fraction`; at near points they are smaller.
     """
     lit = np.zeros(len(position))
     facing = np.flatnonzero(row_dot(normal, eye - position) > 0)
     if not len(facing):
         return lit
-    for view, in_view in perspective_views(eye, position[facing], pitch / 2):
+    pixel = _shadow_pixel(pitch)
+    for view, in_view in perspective_views(eye, position[facing], pixel):
         _check_map(view, "a shadow map")
         nearest = view.nearest(triangles)
         seen = facing[in_view]
         size = view.pixel * view.project(position[seen])[:, 2]
         raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
         lit[seen] = _lit_samples(
-            view, nearest=nearest, raised=raised, normal=normal[seen], pitch=pitch
+            view,
+            nearest=nearest,
+            raised=raised,
+            normal=normal[seen],
+            pitch=edges_of_points(pitch, seen),
         )
     return lit
 
@@ -165,13 +199,14 @@ def sky_view(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
-    pitch: float,
+    pitch: SquareEdge,
     directions: int = DEFAULT_DIRECTIONS,
 ) -> _SkyView:
     """View factors of surface points to sky and ground behind obstacles.
 
     Triangles and points are in the world [m]; `pitch` is the edge of a voxel and of a
-    pixel [m]. An odd number of directions over the whole sphere counts as one more.
+    pixel [m], or one for each point, whose largest is that of a pixel. An odd number of
+    directions over the whole sphere counts as one more.
 
     Raises:
         InputError: for fewer than 8 directions.
@@ -184,7 +219,7 @@ def sky_view(
     # the ground. The first depth layer of a map shows the points that are visible from
     # one side, the last layer those from the other: one map for two directions.
     for upward in half_sphere_directions((directions + 1) // 2):
-        view = orthographic_view(position, upward, _PIXEL * pitch)
+        view = orthographic_view(position, upward, _PIXEL * float(np.max(pitch)))
         _check_map(view, "a map")
         corners = view.project(triangles)
         ends = depth_range(corners, view.width, view.height)
