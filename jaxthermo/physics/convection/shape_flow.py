@@ -235,9 +235,9 @@ def described(
     )
     if isinstance(shape, Sphere):
         return f"a sphere: {sources}, its diameter"
-    if len(shape.plates) > 1:
+    plate, *others = shape.plates
+    if others:
         return f"{len(shape.plates)} panels, each a plate: {sources}"
-    plate = shape.plates[0]
     attack = np.degrees(np.arcsin(min(abs(float(plate.normal @ unit_vector(wind))), 1)))
     return (
         f"a plate {plate.thickness:.3g} m thick, {attack:.3g} degrees out of the wind: "
