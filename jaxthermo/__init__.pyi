@@ -155,6 +155,7 @@ from .structures.kinds.shell import (
     IrregularMultiLevel as IrregularMultiLevel,
     SingleShell as SingleShell,
 )
+from .structures.kinds.skin import Skin as Skin
 from .structures.surface_map import (
     ConstantMap as ConstantMap,
     FluxCorrectedMap as FluxCorrectedMap,

@@ -1,5 +1,7 @@
 """Explicit steps: Euler's, see `ForwardEuler`, and RKL2, far above the stable step.
 
+Both eliminate the columns of a body, see `network.columns`.
+
 s stages of a Runge-Kutta-Legendre scheme of second order cover
 
     dt = (s^2 + s - 2) / 4  stable steps,
@@ -36,11 +38,141 @@ from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import device_array
-from ..network.network import StepStart
+from ..network.columns import FILTER_TIME, ColumnFactors
+from ..network.network import AbstractNetwork, StepStart
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
 from .heat_rates import add_loads
 from .stepper import AbstractStepper, RunState, is_copied_fast
+
+
+class _Coefficients(NamedTuple):
+    """Coefficients of one stage, see the docstring of this module."""
+
+    mu: Float[Array, ""]
+    nu: Float[Array, ""]
+    a: Float[Array, ""]
+
+
+class _Changes(NamedTuple):
+    """Changes of a body since the start of a step, by earlier stages."""
+
+    latest: Float[Array, "..."]
+    previous: Float[Array, "..."]
+    first: Float[Array, "..."]
+    """Change by an Euler step from the start."""
+
+
+class _Conduction(NamedTuple):
+    """Explicit conduction of one body, before loads and after them."""
+
+    network: AbstractNetwork
+
+    def conducted(
+        self, theta: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        """State after a step of conduction, which loads are added to."""
+        return self.network.euler_step(theta, dt)
+
+    def stepped(
+        self, theta: Float[Array, "..."], loaded: Float[Array, "..."]
+    ) -> Float[Array, "..."]:
+        """State after a step, with the loads in what is `conducted`."""
+        return loaded
+
+    def filtered(self, rise: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Rise of the first stage, with its loads."""
+        return rise
+
+    def mixed(
+        self,
+        step_start: StepStart,
+        dt: Float[Array, ""],
+        coefficients: _Coefficients,
+        changes: _Changes,
+    ) -> Float[Array, "..."]:
+        """Change of a stage before loads."""
+        return self.network.combined_step(
+            changes.latest,
+            step_start,
+            dt,
+            _mixed,
+            changes.previous,
+            changes.first,
+            *coefficients,
+        )
+
+    def finished(
+        self,
+        loaded: Float[Array, "..."],
+        coefficients: _Coefficients,
+        changes: _Changes,
+    ) -> Float[Array, "..."]:
+        """Change of a stage, with the loads in what is `mixed`."""
+        return loaded
+
+
+class _ColumnConduction(NamedTuple):
+    """The same with columns: loads are added to a rise, which is then filtered."""
+
+    network: AbstractNetwork
+    factors: ColumnFactors
+
+    def conducted(
+        self, theta: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        """Rise by a step of conduction, which loads are added to."""
+        return self.network.euler_rise(theta, dt)
+
+    def stepped(
+        self, theta: Float[Array, "..."], loaded: Float[Array, "..."]
+    ) -> Float[Array, "..."]:
+        """State after a step that is implicit in the columns."""
+        return theta + self.factors.backward(loaded)
+
+    def filtered(self, rise: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Rise of the first stage, with its loads."""
+        return self.factors.filtered(rise)
+
+    def mixed(
+        self,
+        step_start: StepStart,
+        dt: Float[Array, ""],
+        coefficients: _Coefficients,
+        changes: _Changes,
+    ) -> Float[Array, "..."]:
+        """Rise of a stage before loads."""
+        latest = changes.latest
+        return self.network.combined_step(
+            latest, step_start, dt, _rise, latest, coefficients.mu
+        )
+
+    def finished(
+        self,
+        loaded: Float[Array, "..."],
+        coefficients: _Coefficients,
+        changes: _Changes,
+    ) -> Float[Array, "..."]:
+        """Change of a stage, with the loads in its rise."""
+        before = _mixed(
+            changes.latest, 0, changes.previous, changes.first, *coefficients
+        )
+        return before + self.factors.filtered(loaded)
+
+
+def _conduction(
+    program: Program, span: Float[Array, ""]
+) -> list[_Conduction | _ColumnConduction]:
+    """Conduction of each body; columns are solved over a span of time [s]."""
+    conduction: list[_Conduction | _ColumnConduction] = []
+    for body in program.bodies:
+        columns = body.network.columns
+        if columns is None:
+            conduction.append(_Conduction(body.network))
+        else:
+            factors = columns.factored(span)
+            conduction.append(_ColumnConduction(body.network, factors))
+    return conduction
 
 
 class EulerStepper(AbstractStepper):
@@ -55,29 +187,41 @@ class EulerStepper(AbstractStepper):
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
-        networks = [body.network for body in program.bodies]
+        conduction = _conduction(program, dt)
         with jax.named_scope("conduction"):
-            pairs = zip(networks, state.theta, strict=True)
-            conducted = tuple(net.euler_step(theta, dt) for net, theta in pairs)
+            pairs = zip(conduction, state.theta, strict=True)
+            conducted = tuple(body.conducted(theta, dt) for body, theta in pairs)
         # Loads at the middle of the step: the heat of a ramp is exact, and what is
         # switched off at an event is on before it and off after it.
         middle = start + dt / 2
-        new, rates = add_loads(
+        loaded, rates = add_loads(
             program, states=state.theta, new=conducted, time=middle, dt=dt
         )
+        pairs = zip(conduction, state.theta, loaded, strict=True)
+        new = tuple(body.stepped(theta, change) for body, theta, change in pairs)
         return RunState(new, state.ledger.add(dt * rates), state.solver_state)
 
 
 MIN_STAGES = 3
 """Number of stages of the shortest step: with 2 the scheme covers no time."""
 
+_MIN_COLUMN_STAGES = 5
+"""The same with columns, which are filtered over the time of one stage: with 3 stages
+that is half of the step, whose error is several times that of the scheme."""
 
-def stage_count(dt: float, stable_step: float) -> int:
-    """Return the smallest odd number of stages that is stable."""
+
+def least_stages(program: Program) -> int:
+    """Return the number of stages of the shortest step of a program."""
+    has_columns = any(body.network.columns is not None for body in program.bodies)
+    return _MIN_COLUMN_STAGES if has_columns else MIN_STAGES
+
+
+def stage_count(dt: float, stable_step: float, least: int = MIN_STAGES) -> int:
+    """Return the smallest odd number of stages, of at least so many, that is stable."""
     ratio = dt / stable_step
     # Less a rounding, so that a ratio that fits exactly costs no stage more.
     stages = math.ceil((math.sqrt(9 + 16 * ratio) - 1) / 2 * (1 - 1e-9))
-    return max(MIN_STAGES, stages + (stages + 1) % 2)
+    return max(least, stages + (stages + 1) % 2)
 
 
 def stable_length(stages: Any) -> Any:
@@ -107,6 +251,11 @@ def _mixed(stepped, rise, previous, first_change, mu, nu, a):
     # The rise is not added to the step itself: XLA would compute that twice where only
     # some of its nodes are corrected.
     return mu * stepped + (mu * (rise - a * first_change) + nu * previous)
+
+
+def _rise(stepped, rise, change, mu):
+    """Rise by the conduction of a stage, without the changes that it is added to."""
+    return mu * (stepped - change + rise)
 
 
 class _Stages(NamedTuple):
@@ -164,8 +313,11 @@ class RKL2Stepper(AbstractStepper):
     def _is_fixed(self) -> bool:
         return self.stable_step is None and self.count is None
 
-    def _stages(self, dt: Float[Array, ""]) -> tuple[Any, Any]:
-        """Return the pairs of stages after the first, and the weight w."""
+    def _stages(self, dt: Float[Array, ""], least: int) -> tuple[Any, Any]:
+        """Return the pairs of stages after the first, and the weight w.
+
+        `least` is the number of stages of the shortest step.
+        """
         if self._is_fixed:
             return (self.stages - 1) // 2, 1 / stable_length(self.stages)
         if self.count is not None:
@@ -175,22 +327,27 @@ class RKL2Stepper(AbstractStepper):
         # As in `stage_count`, but that a rounding may cost two stages more.
         root = jnp.sqrt(9 + 16 * dt / self.stable_step)
         pairs = jnp.ceil(((root - 1) / 2 * (1 + 1e-5) - 1) / 2)
-        pairs = jnp.clip(pairs, 1, (self.stages - 1) // 2)
+        pairs = jnp.clip(pairs, (least - 1) // 2, (self.stages - 1) // 2)
         stages = 2 * pairs + 1
         return pairs.astype(jnp.int32), 1 / stable_length(stages)
 
-    @override
-    def step(self, program: Program, state: RunState, start, dt) -> RunState:
-        pairs, weight = self._stages(dt)
+    def _table(self, weight: Any) -> dict[str, Float[Array, " s"]]:
+        """Coefficients by stage, see `rkl2_coefficients`."""
+        dtype = jnp.asarray(weight).dtype
         table = {
-            name: jnp.asarray(values, dt.dtype)
+            name: jnp.asarray(values, dtype)
             for name, values in rkl2_coefficients(self.stages).items()
         }
         if not self._is_fixed:
             # Only the times depend on the number of stages, as the weight does.
             table["time"] *= weight * stable_length(self.stages)
+        return table
+
+    @override
+    def step(self, program: Program, state: RunState, start, dt) -> RunState:
+        pairs, weight = self._stages(dt, least_stages(program))
+        table = self._table(jnp.asarray(weight, dt.dtype))
         theta = state.theta
-        bodies = program.bodies
         euler_dt = dt * weight
 
         def load(new: State, changes: State, time_fraction, dt_fraction):
@@ -206,15 +363,20 @@ class RKL2Stepper(AbstractStepper):
 
         one_step = jnp.ones((), dt.dtype)
         no_change = jax.tree.map(jnp.zeros_like, theta)
+        conduction = _conduction(program, FILTER_TIME * euler_dt)
         step_starts = tuple(
             StepStart(state, body.network.euler_rise(state, euler_dt))
-            for body, state in zip(bodies, theta, strict=True)
+            for body, state in zip(program.bodies, theta, strict=True)
         )
-        first_change, start_heat = load(
+        first_rise, start_heat = load(
             tuple(step_start.rise for step_start in step_starts),
             changes=no_change,
             time_fraction=0.0,
             dt_fraction=one_step,
+        )
+        first_change = tuple(
+            body.filtered(rise)
+            for body, rise in zip(conduction, first_rise, strict=True)
         )
         # The first stage is b_1 = 1/3 of an Euler step.
         third = jax.tree.map(lambda change: change / 3, first_change)
@@ -229,20 +391,21 @@ class RKL2Stepper(AbstractStepper):
             previous = stages.previous
             latest = stages.latest
             mu = table["mu"][j]
-            nu = table["nu"][j]
             a = table["a"][j]
+            coefficients = _Coefficients(mu, table["nu"][j], a)
+            changes = tuple(map(_Changes, latest, previous, first_change))
+            bodies = list(zip(conduction, changes, step_starts, strict=True))
             # Combined before loads are added, so that one pass over the nodes suffices.
-            changes = zip(
-                bodies, latest, step_starts, previous, first_change, strict=True
-            )
             mixed = tuple(
-                body.network.combined_step(
-                    change, step_start, euler_dt, _mixed, *earlier_changes, mu, nu, a
-                )
-                for body, change, step_start, *earlier_changes in changes
+                body.mixed(step_start, euler_dt, coefficients, body_changes)
+                for body, body_changes, step_start in bodies
             )
-            new, added_heat = load(
+            loaded, added_heat = load(
                 mixed, changes=latest, time_fraction=table["time"][j], dt_fraction=mu
+            )
+            new = tuple(
+                body.finished(rise, coefficients, body_changes)
+                for (body, body_changes, _), rise in zip(bodies, loaded, strict=True)
             )
             number = jnp.asarray(j, dt.dtype)
             gain = (2 * number - 1) / (1 - a) * (added_heat - a * start_heat)

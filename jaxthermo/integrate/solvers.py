@@ -29,6 +29,7 @@ from .explicit import (
     MIN_STAGES,
     EulerStepper,
     RKL2Stepper,
+    least_stages,
     stable_length,
     stage_count,
 )
@@ -227,7 +228,8 @@ class SuperTimeStepping(AbstractSolver):
         if self.stages is not None:
             return RKL2Stepper(self.stages)
         assert stable_step is not None
-        fixed = RKL2Stepper(stage_count(max_dt, stable_step))
+        least = least_stages(compiled.program)
+        fixed = RKL2Stepper(stage_count(max_dt, stable_step, least))
         # Derivatives in reverse need a number that is known when they are compiled.
         return fixed if traced else fixed.for_any_count()
 

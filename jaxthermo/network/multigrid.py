@@ -21,6 +21,7 @@ from ..arrays import members, taken
 from ..geometry.mesh import connected_labels
 from ..memo.found import on_device
 from ..structures.structure import AbstractStructure
+from .column_network import ColumnNetwork
 from .cut_stencil import CutStencil
 from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network
 from .multigrid_cycle import (
@@ -310,6 +311,8 @@ def link_conductance(
     rows = layout.rows
     if isinstance(network, LinkNetwork):
         return network.conductance
+    if isinstance(network, ColumnNetwork):
+        return network.by_link
     if not isinstance(network, RowNetwork):
         raise TypeError(f"no node levels of a {type(network).__name__}")
     # The empty entries of the rows refer to one past the last link.

@@ -20,6 +20,8 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from .columns import Columns
+
 
 Address = tuple[Int[Array, " m"], ...]
 """Indices of some nodes in a state: `state[address]`."""
@@ -48,6 +50,11 @@ class AbstractNetwork(Module):
     @property
     def mesh(self) -> Mesh | None:
         """Devices that a state is spread over; None where it is on one."""
+        return None
+
+    @property
+    def columns(self) -> Columns | None:
+        """Chains of nodes that explicit steps eliminate; None for none."""
         return None
 
     @property
@@ -130,12 +137,19 @@ class AbstractNetwork(Module):
     def diagonal(self) -> Float[Array, "..."]:
         """Sum of the conductances of each node [W/K], as a state."""
 
+    def explicit_diagonal(self) -> Float[Array, "..."]:
+        """The sum without the links of `columns` [W/K], as a state."""
+        return self.diagonal()
+
     @abc.abstractmethod
     def capacity(self) -> Float[Array, "..."]:
         """Heat capacity of each node [J/K]; one number if all have the same."""
 
     def max_rate(self) -> Float[Array, ""]:
-        """Largest ratio of summed conductances to capacity of any node [1/s]."""
+        """Largest ratio of summed conductances to capacity of any node [1/s].
+
+        Conductances are those outside `columns`, which bound the explicit step.
+        """
         return (self.diagonal() * inverse(self.capacity())).max()
 
     @abc.abstractmethod
@@ -296,9 +310,18 @@ class AbstractDerivedNetwork(AbstractNetwork):
     def mesh(self) -> Mesh | None:
         return self.base.mesh
 
+    @property
+    @override
+    def columns(self) -> Columns | None:
+        return self.base.columns
+
     @override
     def diagonal(self) -> Float[Array, "..."]:
         return self.base.diagonal()
+
+    @override
+    def explicit_diagonal(self) -> Float[Array, "..."]:
+        return self.base.explicit_diagonal()
 
     @override
     def capacity(self) -> Float[Array, "..."]:

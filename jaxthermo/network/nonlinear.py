@@ -25,6 +25,7 @@ from typing_extensions import override
 
 from ..arrays import Scalar, device_array, is_traced
 from ..material.material import Property
+from .columns import Columns
 from .increasing_root import Balance, increasing_root
 from .network import (
     AbstractDerivedNetwork,
@@ -252,6 +253,12 @@ class NonlinearNetwork(AbstractDerivedNetwork):
     @override
     def is_symmetric(self) -> bool:
         return self.base.is_symmetric
+
+    @property
+    @override
+    def columns(self) -> Columns | None:
+        columns = self.base.columns
+        return columns and columns.scaled(self.max_relative_diffusivity())
 
     @override
     def linearized(

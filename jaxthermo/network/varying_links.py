@@ -25,6 +25,7 @@ from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import stop_gradient, taken
+from .columns import Columns
 from .increasing_root import Balance, increasing_root
 from .network import (
     AbstractDerivedNetwork,
@@ -157,6 +158,8 @@ class LinkHalves(Module):
     """Distance from the face to the second node [m]."""
     along: tuple[Float[Array, " e"], ...]
     """Squared direction cosine of the link along each axis of k; ones for one axis."""
+    outside: Float[Array, " e"] | None = None
+    """1 for links outside columns, 0 within [-]; None without columns."""
 
     def project(self, by_axis: list[Float[Array, " e"]]) -> Float[Array, " e"]:
         """Values along each link, from those along the axes."""
@@ -191,6 +194,13 @@ class VaryingLinks(AbstractDerivedNetwork):
     """Links inside one material."""
     across: LinkHalves
     """Links between two materials."""
+
+    @property
+    @override
+    def columns(self) -> Columns | None:
+        ratio = self.max_relative_conductivity() / self.min_relative_capacity()
+        columns = self.base.columns
+        return columns and columns.scaled(ratio)
 
     @property
     @override
@@ -404,7 +414,7 @@ class VaryingLinks(AbstractDerivedNetwork):
         # Not above 1, which is that of the other materials.
         return jnp.stack([unit_ratio, *varying]).min()
 
-    def _bound(self) -> Float[Array, "..."]:
+    def _bound(self, explicit: bool = False) -> Float[Array, "..."]:
         # Largest -d(heat rate)/dT of every node at any temperatures [W/K]. For a link
         # between two materials dq/dT_1 = A k_1(T_1) k_2 / (d_2 k_1(T_f) + d_1 k_2).
         number = self.number[self.address]
@@ -423,13 +433,15 @@ class VaryingLinks(AbstractDerivedNetwork):
                     beyond = links.project_at(far_end, high)
                     series = beyond / (d_other * lowest_conductivity + d_end * beyond)
                     conductance = links.area * highest_conductivity * series
+                if explicit and links.outside is not None:
+                    conductance = conductance * links.outside
                 total = total.at[end].add(conductance)
         return jnp.zeros_like(self.base.diagonal()).at[self.address].set(total)
 
     @override
     def max_rate(self) -> Float[Array, ""]:
         capacity = self.base.capacity() * self.min_relative_capacity()
-        return (self._bound() * inverse(capacity)).max()
+        return (self._bound(explicit=True) * inverse(capacity)).max()
 
 
 class _LinkJacobian(AbstractDerivedNetwork):

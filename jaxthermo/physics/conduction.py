@@ -7,6 +7,7 @@ The operator follows from the structure and from the materials:
 | full volume with `kernels="numba"` | `RunStencil` | refused |
 | full volume | `Stencil` | `HeterogeneousStencil` |
 | the same on several devices | `ShardedStencil` of these | `ShardedStencil` of these |
+| with columns, in explicit steps | `ColumnNetwork` | `ColumnNetwork` |
 | all others, and with weights | `RowNetwork` | `RowNetwork` |
 
 Voxels that the surface cuts add a `CutStencil`, links that are not normal to their
@@ -47,6 +48,7 @@ from ..structures.kinds.full import FullVolume
 from ..structures.partition.links import link_axes, non_orthogonal_links
 from ..structures.structure import AbstractStructure
 from ..structures.volumes import node_volumes
+from .column_conduction import column_network
 from .run_conduction import WITH_NUMBA, run_stencil
 from .stencil_conduction import mixed_stencil, uniform_stencil
 from .varying_conduction import transform_or_none, varying_links
@@ -294,13 +296,21 @@ def _assemble_links(
         ("link_sizes", k.dtype.name),
         lambda: jax.tree.map(lambda size: device_array(size, k.dtype), sizes),
     )
+    k_src, k_dst = conductivity_at_ends(structure, k)
+    columns = structure.columns()
+    if columns is not None:
+        return column_network(
+            structure,
+            columns=columns,
+            conductance=device_sizes.conductance(k_src, k_dst),
+            capacity=heat * device_sizes.node_volume,
+        )
     layout = structure.found(
         "row_layout",
         lambda: jax.tree.map(
             device_array, row_layout(len(sizes.node_volume), links.src, links.dst)
         ),
     )
-    k_src, k_dst = conductivity_at_ends(structure, k)
     weights = structure.weights
     if weights.are_one and not weights.corrects_non_orthogonality:
         return _plain_network(

@@ -48,6 +48,11 @@ def varying_links(
     if weights is not None:
         area = area * weights
 
+    columns = structure.columns()
+    outside = np.ones(structure.link_count)
+    if columns is not None:
+        outside[columns.link] = 0
+
     def halves(selected: Int[np.ndarray, " c"]) -> LinkHalves:
         return LinkHalves(
             src=device_array(links.src[selected]),
@@ -56,6 +61,7 @@ def varying_links(
             to_src=device_array(links.distance_src[selected], dtype),
             to_dst=device_array(links.distance_dst[selected], dtype),
             along=tuple(device_array(axis[selected], dtype) for axis in along),
+            outside=None if columns is None else device_array(outside[selected], dtype),
         )
 
     address = structure.node_address()

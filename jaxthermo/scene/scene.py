@@ -75,7 +75,10 @@ class MaterialMap(AbstractMaterials):
 
     def of_nodes(self, structure: AbstractStructure) -> Int[np.ndarray, " n"]:
         """Material number at each node's centre."""
-        return self.number(structure.nodes().centre)
+        assert isinstance(structure, AbstractVoxelStructure)
+        number = self.number(structure.nodes().centre)
+        sharing = structure.sharing_node()
+        return number if sharing is None else number[sharing]
 
     def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
         """Material number at the centre of each fragment's voxel."""
@@ -124,7 +127,9 @@ class MaterialLabels(AbstractMaterials):
         owner = voxel_owner(structure)
         pair = owner[owner >= 0].astype(np.int64) * count + solid_labels[owner >= 0]
         votes = np.bincount(pair, minlength=structure.node_count * count)
-        return votes.reshape(-1, count).argmax(axis=1).astype(np.int32)
+        number = votes.reshape(-1, count).argmax(axis=1).astype(np.int32)
+        sharing = structure.sharing_node()
+        return number if sharing is None else number[sharing]
 
     def of_fragments(self, grid: VoxelGrid) -> Int[np.ndarray, " s"]:
         """Material number of each fragment's voxel."""

@@ -65,6 +65,17 @@ class Links(NamedTuple):
         return Links(*(column[which] for column in self))
 
 
+class ColumnLayout(NamedTuple):
+    """Columns of a structure, whose cells are its first nodes, the outermost first."""
+
+    link: Int[np.ndarray, "m c"]
+    """Link from each cell to the next one inwards, and from the last to the hub."""
+    hub: Int[np.ndarray, " c"]
+    """Node behind all cells that each column ends at, sorted."""
+    are_linked: bool
+    """True if cells have links outside their columns."""
+
+
 @dataclass(frozen=True, eq=False)
 class Built:
     """Arrays of a structure, computed once and cached on disk."""
@@ -197,6 +208,13 @@ class AbstractStructure(Module):
         key = (by, self.options) if identity and by is not None else None
         return found(identity, by=key, find=find, search=search)
 
+    def columns(self) -> ColumnLayout | None:
+        """Chains of nodes through a depth that explicit steps eliminate; None for none.
+
+        Its structure has no weights.
+        """
+        return None
+
     def for_solves(self) -> "AbstractStructure":
         """Same nodes and links in the form that is fastest in implicit solves."""
         return self
@@ -211,6 +229,25 @@ class AbstractStructure(Module):
         voxel = grid.fragment_centre
         return voxel - location[self.fragment_node()]
 
+    def cell_centre(self) -> Float[np.ndarray, "s 3"]:
+        """Centre of the voxel under each fragment [m], or of what divides it."""
+        return self.grid.fragment_centre
+
+    def cell_depth(self) -> Float[np.ndarray, "*#s"]:
+        """Depth of that centre below each fragment [m]; one number if all are equal."""
+        depth = self.grid.fragment_depth
+        return np.asarray(self.grid.pitch / 2) if depth is None else depth
+
+    def node_at_depth(
+        self,
+        node: Int[np.ndarray, " q"],
+        fragment: Int[np.ndarray, " q"],
+        depth: Float[np.ndarray, " q"],
+    ) -> Int[np.ndarray, " q"]:
+        """Node of points in the voxels of a node, at depths below fragments [m]."""
+        del fragment, depth
+        return node
+
     def fragment_distance(self) -> Float[np.ndarray, " s"]:
         """Distance along the normal from each fragment down to its node [m]."""
         return self.found("fragment_distance", self._fragment_distance)
@@ -219,8 +256,7 @@ class AbstractStructure(Module):
         # Half a voxel to the fragment's voxel, or to where the surface is, and on from
         # there where the node is deeper; one above the voxel does not shorten the path.
         along = np.einsum("si,si->s", self.fragment_offset(), self.grid.fragment_normal)
-        depth = self.grid.fragment_depth
-        return (self.grid.pitch / 2 if depth is None else depth) + np.maximum(along, 0)
+        return self.cell_depth() + np.maximum(along, 0)
 
 
 class AbstractVoxelStructure(AbstractStructure):
@@ -235,6 +271,17 @@ class AbstractVoxelStructure(AbstractStructure):
     @abc.abstractmethod
     def voxel_node(self) -> Int[np.ndarray, " v"]:
         """Node of each solid voxel in lattice order; -1 for none."""
+
+    def sharing_node(self) -> Int[np.ndarray, " n"] | None:
+        """Node of `voxel_node` whose voxels each node shares; None if each has its own.
+
+        Voxels then count for that node, and `shared_fraction` of them for each.
+        """
+        return None
+
+    def shared_fraction(self) -> Float[np.ndarray, " n"]:
+        """Fraction of the volume of its voxels that each node has [-]."""
+        return np.ones(self.node_count)
 
     @property
     @override

@@ -337,9 +337,8 @@ class LinearMap(AbstractSurfaceMap):
     def _bound(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
         offset = structure.fragment_offset()
         if self.at == "surface":
-            grid = structure.grid
-            voxel = grid.fragment_centre
-            offset = offset + grid.fragment_foot - voxel
+            foot = structure.grid.fragment_foot
+            offset = offset + foot - structure.cell_centre()
         return _with_gradient(
             structure, offset=offset, along_flux=None, at=self.at, dtype=dtype
         )
@@ -383,9 +382,7 @@ class FluxCorrectedMap(AbstractSurfaceMap):
         offset = structure.fragment_offset()
         normal = structure.grid.fragment_normal
         along = np.maximum(np.einsum("si,si->s", offset, normal), 0)[:, None] * normal
-        depth = structure.grid.fragment_depth
-        outermost = structure.grid.pitch / 2 if depth is None else depth
-        outermost = outermost / structure.fragment_distance()
+        outermost = structure.cell_depth() / structure.fragment_distance()
         flux_fraction = _FLUX_FRACTION * (1 - outermost)
         if self.at == "surface":
             flux_fraction = flux_fraction + outermost

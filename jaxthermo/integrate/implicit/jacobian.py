@@ -147,7 +147,13 @@ def implicit_context(
                 "not symmetric and cannot be solved for: simulate() it, with "
                 "ForwardEuler() or SuperTimeStepping(), or set non_orthogonal to 0"
             )
-    multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
+    # Columns are stiff, but do not shorten the stable step.
+    has_columns = any(body.network.columns is not None for body in program.bodies)
+    multigrid = (
+        has_columns
+        or stable_step is None
+        or max_dt > MULTIGRID_STEP_RATIO * stable_step
+    )
     hierarchies: tuple[Hierarchy | None, ...] = tuple(
         hierarchy(body.structure, compiled_body.network)
         if multigrid and compiled_body.network.mesh is None

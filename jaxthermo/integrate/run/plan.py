@@ -18,7 +18,7 @@ from ...scene.compile.on_devices import placed_on_devices
 from ...scene.compile.program import Compiled, Program
 from ...scene.compile.time_values import with_open_functions
 from ...scene.scene import Scene
-from ..explicit import RKL2Stepper, stage_count
+from ..explicit import RKL2Stepper, least_stages, stage_count
 from ..implicit.adaptive import AdaptiveStepper
 from ..ledger import empty_ledger
 from ..solvers import (
@@ -238,7 +238,8 @@ def _stepper(choice: _Choice, longest: float) -> AbstractStepper:
     if choice.control is not None and isinstance(choice.solver, SuperTimeStepping):
         assert choice.stable_step is not None
         # All passes, each with steps half as long, run in one program.
-        fixed = RKL2Stepper(stage_count(longest, choice.stable_step))
+        least = least_stages(choice.compiled.program)
+        fixed = RKL2Stepper(stage_count(longest, choice.stable_step, least))
         return fixed.for_any_step(choice.stable_step, choice.compiled.receipt.dtype)
     return choice.solver.stepper(
         choice.scene,

@@ -220,6 +220,9 @@ def _bind(
         at_surface=at_surface,
         fragment=fragment,
     )
+    node = structure.node_at_depth(
+        node, fragment=fragment, depth=np.where(far, np.inf, depth)
+    )
     from_node = (1 - at_surface)[:, None] * (points - location[node])
     from_fragment = at_surface[:, None] * (points - surface)
     gradient_nodes, index = np.unique(node, return_inverse=True)

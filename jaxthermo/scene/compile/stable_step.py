@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import added, taken
+from ...network.columns import STABLE_FRACTION
 from ...physics.half_cells import Extremes
 from .program import Program
 
@@ -26,13 +27,15 @@ def stable_step_of(
         loads = _stiffness(program, number=number, highest=highest, end=end)
         if not loads:
             continue
-        total = network.diagonal() * network.max_relative_conductivity()
+        total = network.explicit_diagonal() * network.max_relative_conductivity()
         for address, stiffness in loads:
             total = added(total, address, stiffness)
         for address, _ in loads:
             capacity = network.capacity_at(address) * network.min_relative_capacity()
             rates.append((taken(total, address) / capacity).max())
     largest = jnp.stack(rates).max()
+    if any(body.network.columns is not None for body in program.bodies):
+        largest = largest / STABLE_FRACTION
     return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
 
 

@@ -186,4 +186,6 @@ def volume_within(
 ) -> Float[np.ndarray, " n"]:
     """Volume of each node, of a fraction of each solid voxel in lattice order [m^3]."""
     owner = np.where(fraction > 0, voxel_owner(structure), -1)
-    return structure.grid.volume_of(owner, structure.node_count, fraction)
+    volume = structure.grid.volume_of(owner, structure.node_count, fraction)
+    sharing = structure.sharing_node()
+    return volume if sharing is None else volume[sharing] * structure.shared_fraction()
