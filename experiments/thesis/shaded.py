@@ -11,7 +11,7 @@ import jaxthermo as jt
 from jaxthermo.geometry.vectors import unit_vector, unit_vectors
 from jaxthermo.image.colour.canvas import averaged
 from jaxthermo.image.surface.camera import OrthographicCamera
-from jaxthermo.image.surface.visible import VisiblePoints, visible_points
+from jaxthermo.image.surface.visible import VisiblePoints, WorldMesh, visible_points
 from jaxthermo.physics.contact.rays import PlacedGrid
 
 
@@ -62,7 +62,7 @@ def lit(
         colours: of the points that it sees.
     """
     fine = camera.finer(_SAMPLES)
-    seen = visible_points(tuple((m.vertices, m.faces) for m in meshes), fine)
+    seen = visible_points(tuple(WorldMesh(m.vertices, m.faces) for m in meshes), fine)
     first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     vectors = np.concatenate([mesh.area_vectors for mesh in meshes])
     normal = unit_vectors(vectors[first_face[seen.body] + seen.face])

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..archive import text_hash
 from ..config.camera_framing import build_camera
@@ -18,7 +18,7 @@ from ..config.schema.dataset import DatasetConfig, OrbitConfig
 from ..config.schema.image import CameraConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError, located
-from ..image.surface.visible import visible_points
+from ..image.surface.visible import WorldMesh, visible_points
 from ..temperatures import ALLOW_EXTREME
 
 
@@ -98,7 +98,7 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
                 f"scene has {len(variation.config.bodies)} bodies: give one for each"
             )
     world = [_world(body, 0.0) for body in first.bodies]
-    corners = np.concatenate([vertices[faces] for vertices, faces in world])
+    corners = np.concatenate([body.vertices[body.faces] for body in world])
     views = list(config.views or ())
     if config.orbit is not None:
         views = _orbit(config.orbit, corners.reshape(-1, 3), config.seed)
@@ -174,12 +174,11 @@ def _point(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _world(
-    body: BodyConfig, time: float
-) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
-    """Vertices of a body in the world at a time [m], and its faces."""
+def _world(body: BodyConfig, time: float) -> WorldMesh:
+    """Mesh of a body in the world at a time [s]."""
     mesh = body.build_grid().mesh if body.solid is not None else body.build_mesh()
-    return body.pose.build().at(time).to_world(mesh.vertices), mesh.faces
+    vertices = body.pose.build().at(time).to_world(mesh.vertices)
+    return WorldMesh(vertices, mesh.faces)
 
 
 def _check_views(plan: DatasetPlan) -> None:
@@ -195,7 +194,7 @@ def _check_views(plan: DatasetPlan) -> None:
         seen.add(key)
         moves = any(hasattr(body.pose, "times") for body in config.bodies)
         start = tuple(_world(body, 0.0) for body in config.bodies)
-        triangles = np.concatenate([vertices[faces] for vertices, faces in start])
+        triangles = np.concatenate([body.vertices[body.faces] for body in start])
         for time in (0.0, *times) if moves else (0.0,):
             world = start if time == 0 else None
             world = world or tuple(_world(body, time) for body in config.bodies)

@@ -70,7 +70,13 @@ def surface_points(
         normal = smooth_normals(
             geometry.vertices, faces=geometry.faces, face=face, points=points
         )
+        if geometry.is_two_sided:
+            points = np.concatenate([points, points])
+            normal = np.concatenate([normal, -normal])
         weights.append(smooth_weights(points, normal, geometry))
+        if geometry.is_two_sided:
+            # Each side in front of the other one.
+            points = points + edge / 2 * normal
         position.append(points.astype(np.float32))
     single = csr_array(block_matrix(weights), dtype=np.float32)
     return SurfacePoints(tuple(position), single, _OVERLAP * edge)

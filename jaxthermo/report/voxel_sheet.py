@@ -6,7 +6,7 @@ from PIL import Image
 
 from ..image.colour.canvas import averaged
 from ..image.surface.camera import Camera, frame_all
-from ..image.surface.visible import VisiblePoints, visible_points
+from ..image.surface.visible import VisiblePoints, WorldMesh, visible_points
 from ..voxels.grid import VoxelGrid
 from ..voxels.surface import surface_voxels
 from .sheet import Legend, Tile, sheet
@@ -127,7 +127,7 @@ def _view(grid: VoxelGrid, faces: _Faces, camera: Camera) -> UInt8[np.ndarray, "
     corners = faces.triangles.reshape(-1, 6, 3)[ahead].reshape(-1, 3)
     triangles = np.arange(len(corners)).reshape(-1, 3)
     fine = camera.finer(_SAMPLES)
-    visible = visible_points(((corners, triangles),), fine)
+    visible = visible_points((WorldMesh(corners, triangles),), fine)
     face = ahead[visible.face // 2]
     # Size of a sample at the depth of its point.
     sample = camera.field_of_view / (_SAMPLES * camera.height) * visible.depth

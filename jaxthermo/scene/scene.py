@@ -16,6 +16,7 @@ from ..arrays import PositionVarying, is_traced
 from ..errors import InputError, require
 from ..geometry.mesh import Pose
 from ..material.material import Material, Property
+from ..memo.found import found
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
 from ..sheets.sheet_grid import SheetGrid
@@ -398,6 +399,22 @@ class BodyGeometry:
     def triangles(self) -> Float[np.ndarray, "f 3 3"]:
         """Triangles in the world [m]."""
         return self.placed.to_world(self.vertices)[self.faces]
+
+    @property
+    def surface_faces(self) -> Int[np.ndarray, "g 3"]:
+        """Triangles of all surfaces, wound counter-clockwise seen from outside.
+
+        Those of the back of a thin wall follow those of its front in the same order.
+        """
+        faces = self.faces
+        if not self.is_two_sided:
+            return faces
+        return found((faces,), "both sides", lambda: both_sides(faces))
+
+
+def both_sides(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
+    """Triangles, then the same ones wound the other way round."""
+    return np.concatenate([faces, faces[:, ::-1]])
 
 
 def body_geometry(

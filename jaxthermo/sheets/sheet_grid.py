@@ -60,15 +60,16 @@ class SheetGrid(AbstractGrid):
         del kwargs
         return TextDoc(repr(self))
 
-    @property
+    @cached_property
     @override
     def fragment_foot(self) -> Float[np.ndarray, "s 3"]:
-        return self.fragment_position
+        # Not the middle of the fragment: nodes at a free border are on it.
+        return self.cells.position[self.fragment_surface_cell]
 
     @property
     @override
     def fragment_centre(self) -> Float[np.ndarray, "s 3"]:
-        return self.fragment_position
+        return self.fragment_foot
 
     @cached_property
     @override

@@ -13,7 +13,7 @@ from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.image.surface.occlusion import screen_space_occlusion
 from jaxthermo.image.surface.view import compute_view
-from jaxthermo.image.surface.visible import visible_points
+from jaxthermo.image.surface.visible import WorldMesh, visible_points
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
 from jaxthermo.timing import timed_call
 
@@ -166,7 +166,7 @@ def _ball_on_plane() -> dict[str, float]:
         height=size,
     )
     bodies = (ball, floor)
-    seen = visible_points(tuple((m.vertices, m.faces) for m in bodies), camera)
+    seen = visible_points(tuple(WorldMesh(m.vertices, m.faces) for m in bodies), camera)
     area = np.concatenate([mesh.area_vectors for mesh in bodies])
     first_face = np.array([0, len(ball.faces)])
     normal = unit_vectors(area[seen.face + first_face[seen.body]])

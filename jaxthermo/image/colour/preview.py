@@ -10,7 +10,7 @@ from ...geometry.mesh import Mesh, Pose
 from ...geometry.vectors import row_dot, unit_vectors
 from ..surface.abstract_camera import AbstractCamera
 from ..surface.facets import smooth_normals
-from ..surface.visible import VisiblePoints, visible_points
+from ..surface.visible import VisiblePoints, WorldMesh, visible_points
 from .canvas import FAINT, INK, PAPER, Layout, averaged
 
 
@@ -41,7 +41,9 @@ def draw_preview(
         InputError: if the camera is inside a body or sees none.
     """
     fine = camera.finer(_SAMPLES)
-    world = tuple((pose.to_world(mesh.vertices), mesh.faces) for mesh, pose in bodies)
+    world = tuple(
+        WorldMesh(pose.to_world(mesh.vertices), mesh.faces) for mesh, pose in bodies
+    )
     visible = visible_points(world, fine)
     colours = _shaded(bodies, visible, fine)
     width, height = camera.size

@@ -44,10 +44,20 @@ class _VertexMesh(NamedTuple):
     """Number of the body's triangle that each face belongs to."""
     weights: csr_array
     """Weights [v, s] of the body's fragments at each vertex, those of a pixel there."""
+    back_weights: csr_array | None = None
+    """Weights at the back of a thin wall; None for a solid."""
 
     def values(self, fragments: Float[np.ndarray, " s"]) -> Float[np.ndarray, " v"]:
         """Values at the vertices, interpolated as by an image."""
         return (self.weights @ fragments).astype(np.float32)
+
+    def back_values(
+        self, fragments: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, " v"]:
+        """Values at the back of a thin wall; those at the vertices of a solid."""
+        if self.back_weights is None:
+            return self.values(fragments)
+        return (self.back_weights @ fragments).astype(np.float32)
 
 
 def _vertex_mesh(
@@ -68,9 +78,16 @@ def _vertex_mesh(
     vertices = columns[:, :3]
     normals = columns[:, 3:]
     normals = unit_vectors(normals)
-    weights = smooth_weights(vertices, normals, geometry)
+    back_weights = None
+    if geometry.is_two_sided:
+        back_weights = smooth_weights(vertices, -normals, geometry)
     return _VertexMesh(
-        vertices=vertices, normals=normals, faces=faces, parent=parent, weights=weights
+        vertices=vertices,
+        normals=normals,
+        faces=faces,
+        parent=parent,
+        weights=smooth_weights(vertices, normals, geometry),
+        back_weights=back_weights,
     )
 
 
@@ -118,7 +135,9 @@ def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
 
     Points, in the world [m], have `temperature_K`, `emissivity`, `Normals`, and the
     `surface_outputs` of the scene; cells have the number of their `body`. Temperatures
-    are those of an image at the same points; edges are at most two voxels long.
+    are those of an image at the same points; edges are at most two voxels long. A thin
+    wall is there once, with the values of its front; if there is one, `_back` before
+    the unit marks those of the back, `temperature_back_K`, which for solids are equal.
 
     Args:
         path: of the file.
@@ -133,15 +152,15 @@ def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
     poses = [s.geometry.pose.at(time) for s in solution.surfaces]
     pairs = list(zip(meshes, poses, strict=True))
     body = [np.full(len(m.faces), n, np.int32) for n, m in enumerate(meshes)]
-    values = {
-        name: np.concatenate(
-            [
-                mesh.values(fragments)
-                for mesh, fragments in zip(meshes, by_body, strict=True)
-            ]
-        )
-        for name, by_body in _fields(solution, index)
-    }
+    values = {}
+    has_back = any(mesh.back_weights is not None for mesh in meshes)
+    for field in _fields(solution, index):
+        by_body = list(zip(meshes, field.of_body, strict=True))
+        front = [mesh.values(fragments) for mesh, fragments in by_body]
+        values[field.name + field.unit] = np.concatenate(front)
+        if has_back:
+            back = [mesh.back_values(fragments) for mesh, fragments in by_body]
+            values[f"{field.name}_back{field.unit}"] = np.concatenate(back)
     normals = [pose.rotate(mesh.normals) for mesh, pose in pairs]
     values["Normals"] = np.concatenate(normals).astype(np.float32)
     world = [(pose.to_world(mesh.vertices), mesh.faces) for mesh, pose in pairs]
@@ -164,19 +183,30 @@ def _mesh(geometry: BodyGeometry) -> _VertexMesh:
     return found(arrays, key, lambda: _vertex_mesh(geometry))
 
 
-def _fields(solution: _Solved, index: int) -> Iterator[tuple[str, list[Any]]]:
-    """Name with unit, and the fragments' values of every body."""
+class _Field(NamedTuple):
+    """A quantity on the surfaces."""
+
+    name: str
+    unit: str
+    """With an underscore before it; empty for a number."""
+    of_body: list[Float[np.ndarray, " _"]]
+    """Values of the fragments of every body."""
+
+
+def _fields(solution: _Solved, index: int) -> Iterator[_Field]:
+    """Quantities at a saved time."""
     rows = body_rows(solution)
 
     def split(values: Any) -> list[Any]:
         return [np.asarray(values, float)[fragments] for fragments in rows]
 
-    yield "temperature_K", split(solution.surface_temperature[index])
-    yield "emissivity", [_emissivity(surface) for surface in solution.surfaces]
+    yield _Field("temperature", "_K", split(solution.surface_temperature[index]))
+    emissivity = [_emissivity(surface) for surface in solution.surfaces]
+    yield _Field("emissivity", "", emissivity)
     for name in SURFACE_OUTPUTS:
         output = getattr(solution, name)
         if output is not None:
-            yield f"{name}_{_UNITS[name]}", split(output[index])
+            yield _Field(name, f"_{_UNITS[name]}", split(output[index]))
 
 
 def _emissivity(surface: SolvedSurface) -> Float[np.ndarray, " s"]:
@@ -197,7 +227,9 @@ def write_glb(
     """Write the bodies at a saved time as a GLB file, for Blender and viewers.
 
     Vertices have `_TEMPERATURE` [K] and the palette's colours, whose scale is in the
-    scene's extras. Temperatures are those of an image at the same points.
+    scene's extras. Temperatures are those of an image at the same points. A thin wall
+    has triangles of its front, and after them the same ones of its back, wound the
+    other way round: a viewer shows those that face it.
 
     Args:
         path: of the file.
@@ -219,19 +251,25 @@ def write_glb(
     pairs = zip(solution.surfaces, body_rows(solution), strict=True)
     for number, (surface, rows) in enumerate(pairs):
         mesh = _mesh(surface.geometry)
+        vertices = mesh.vertices
+        normals = mesh.normals
+        faces = mesh.faces
         values = mesh.values(kelvin[rows])
+        if surface.geometry.is_two_sided:
+            faces = np.concatenate([faces, len(vertices) + faces[:, ::-1]])
+            vertices = np.concatenate([vertices, vertices])
+            normals = np.concatenate([normals, -normals])
+            values = np.append(values, mesh.back_values(kelvin[rows]))
         colours = apply_palette(values[None], low=low, high=high, name=palette)[0]
         attributes = {
-            "POSITION": mesh.vertices,
-            "NORMAL": mesh.normals,
+            "POSITION": vertices,
+            "NORMAL": normals,
             "COLOR_0": linear_colours(colours),
             "_TEMPERATURE": values,
         }
         name = names[number] if names else f"body{number}"
         pose = surface.geometry.pose.at(time)
-        drawn.append(
-            GltfMesh(name=name, pose=pose, faces=mesh.faces, attributes=attributes)
-        )
+        drawn.append(GltfMesh(name=name, pose=pose, faces=faces, attributes=attributes))
     notes = {"time_s": time, "palette": palette, "low_K": low, "high_K": high}
     notes["units"] = "POSITION: m; _TEMPERATURE: K; COLOR_0: linear RGB of the palette"
     write_meshes(path, drawn, notes)

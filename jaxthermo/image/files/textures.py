@@ -87,7 +87,7 @@ def _build_atlas(geometry: BodyGeometry) -> _Atlas:
         InputError: for more triangles than such a texture has room for.
     """
     vertices = geometry.vertices
-    faces = geometry.faces
+    faces = geometry.surface_faces
     triangles = vertices[faces]
     longest = np.linalg.norm(np.roll(triangles, -1, 1) - triangles, axis=-1).max(axis=1)
     length = geometry.pitch

@@ -29,6 +29,7 @@ from ...scene.scene import SolvedSurface
 from ..surface.abstract_camera import AbstractCamera
 from ..surface.background import Background
 from ..surface.facets import normal_slopes
+from ..surface.linear_weights import linear_slopes, offsets
 from ..surface.view import View, all_weights, in_bodies
 from ..surface.visible import (
     VisiblePoints,
@@ -163,7 +164,7 @@ def _triangles(
     """Corners of the triangle of each point in the world [m]."""
     corners = np.empty((len(visible.face), 3, 3))
     for geometry, points in visible.by_body(surfaces):
-        local = geometry.vertices[geometry.faces[visible.face[points]]]
+        local = geometry.vertices[geometry.surface_faces[visible.face[points]]]
         corners[points] = geometry.placed.to_world(local)
     return corners
 
@@ -220,7 +221,7 @@ def _weight_slopes(
         ]
         turned[:, on_body] = normal_slopes(
             geometry.vertices,
-            faces=geometry.faces,
+            faces=geometry.surface_faces,
             face=visible.face[on_body],
             points=local[on_body],
             along=direction[:, on_body],
@@ -239,6 +240,7 @@ def _weight_slopes(
     count = len(local)
     total = np.bincount(row, unnormalized, count)
     # A part too thin for fragments shows the nearest one, which does not change.
+    alone = (total <= 0)[row]
     total = np.where(total > 0, total, np.inf)[row]
     slopes = []
     for tangent, bend in zip(direction, turned, strict=True):
@@ -247,7 +249,37 @@ def _weight_slopes(
         slope = 2 * fade * cosine * area * (closer * cosine + fade * turn)
         all_slopes = np.bincount(row, slope, count)[row]
         slopes.append((slope - unnormalized * all_slopes / total) / total)
-    return np.stack(slopes)
+    sides = [surface.geometry.is_two_sided for surface in surfaces]
+    if not any(sides):
+        return np.stack(slopes)
+    # Those of thin walls have been shifted to the mean position of the point.
+    points = np.flatnonzero(np.array(sides)[visible.body])
+    entries = np.flatnonzero(np.isin(row, points))
+    count = np.diff(weights.indptr)[points]
+    first, second = tangents(body_normal[points])
+    linear = np.stack(slopes)
+    scale = np.where(alone, 0.0, weights.data * total)
+    scale /= np.where(alone, 1.0, unnormalized)
+    linear[:, entries] = linear_slopes(
+        weights.data[entries],
+        change=scale[entries] * linear[:, entries],
+        offset=offsets(
+            local[points],
+            normals=body_normal[points],
+            count=count,
+            neighbour=position[entries],
+        )
+        / np.repeat(radius[points], count),
+        step=np.stack(
+            [
+                [row_dot(tangent[points], first), row_dot(tangent[points], second)]
+                for tangent in direction
+            ]
+        )
+        / radius[points],
+        count=count,
+    )
+    return linear
 
 
 def _padded(

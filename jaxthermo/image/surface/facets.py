@@ -89,7 +89,7 @@ def facet_shading(
     large = _large_facets(geometry)
     slot = large.slot[face]
     point = np.flatnonzero(slot >= 0)
-    flat = _face_normals(geometry.vertices, geometry.faces).flat
+    flat = _face_normals(geometry.vertices, geometry.surface_faces).flat
     local_mean = _weights(
         points[point], normals=flat[face[point]], geometry=geometry, near=_LOCAL
     )
@@ -98,7 +98,7 @@ def facet_shading(
     # Corners of the facets that are seen.
     used, row = np.unique(slot[point], return_inverse=True)
     corner = (3 * used[:, None] + np.arange(3)).ravel()
-    triangles = geometry.vertices[geometry.faces[face[point]]]
+    triangles = geometry.vertices[geometry.surface_faces[face[point]]]
     return FacetShading(
         point=point,
         local_mean=local_mean[with_mean],
@@ -122,7 +122,7 @@ class _LargeFacets(NamedTuple):
 
 def _large_facets(geometry: BodyGeometry) -> _LargeFacets:
     """Large facets, the same for all views and poses of a body."""
-    mesh = geometry.vertices, geometry.faces
+    mesh = geometry.vertices, geometry.surface_faces
     fragments = geometry.fragment_position, geometry.fragment_normal
     arrays = *mesh, *fragments, geometry.fragment_area
     key = "large_facets", float(geometry.pitch)
@@ -131,7 +131,7 @@ def _large_facets(geometry: BodyGeometry) -> _LargeFacets:
 
 def _find_large_facets(geometry: BodyGeometry) -> _LargeFacets:
     vertices = geometry.vertices
-    faces = geometry.faces
+    faces = geometry.surface_faces
     flat, corner, area, _ = _face_normals(vertices, faces)
     large = np.flatnonzero(area >= _MIN_AREA * geometry.pitch**2)
     cosine = np.einsum("ki,kci->kc", flat[large], corner[large])

@@ -223,13 +223,14 @@ def _part_ids(
 def _content(geometry: BodyGeometry) -> tuple[Any, ...]:
     """Everything about a body at its pose on which a view depends."""
     fragments = geometry.fragment_position, geometry.fragment_normal
-    mesh = geometry.vertices, geometry.faces
-    return *mesh, *fragments, geometry.fragment_area, geometry.pitch, geometry.placed
+    mesh = geometry.vertices, geometry.surface_faces
+    numbers = geometry.pitch, geometry.is_two_sided
+    return *mesh, *fragments, geometry.fragment_area, *numbers, geometry.placed
 
 
 def _views_of(geometry: BodyGeometry) -> dict[str, bool]:
     """Record of a body: whether this process found any view of it."""
-    arrays = geometry.vertices, geometry.faces, geometry.fragment_position
+    arrays = geometry.vertices, geometry.surface_faces, geometry.fragment_position
     return found(arrays, "views", lambda: {"are found": False})
 
 
@@ -291,7 +292,7 @@ def in_bodies(
         local[points] = geometry.placed.to_body(visible.position[points])
         smooth = smooth_normals(
             geometry.vertices,
-            faces=geometry.faces,
+            faces=geometry.surface_faces,
             face=visible.face[points],
             points=local[points],
         )
@@ -313,11 +314,11 @@ def all_weights(
     matrices = []
     rows = []
     for geometry, points in visible.by_body(surfaces):
+        rotated = geometry.placed.rotate_back(normal[points])
         if smooth:
-            rotated = geometry.placed.rotate_back(normal[points])
             matrices.append(smooth_weights(local[points], rotated, geometry))
         else:
-            matrices.append(nearest_weights(local[points], geometry))
+            matrices.append(nearest_weights(local[points], rotated, geometry))
         rows.append(np.arange(len(local))[points])
     if len(matrices) == 1:
         return matrices[0]

@@ -23,7 +23,7 @@ class VisiblePoints(NamedTuple):
     body: Int[np.ndarray, " p"]
     """Number of the body."""
     face: Int[np.ndarray, " p"]
-    """Number of the triangle in its body."""
+    """Number of the triangle in its body, see `BodyGeometry.surface_faces`."""
     position: Float[np.ndarray, "p 3"]
     """World [m]."""
     depth: Float[np.ndarray, " p"]
@@ -39,14 +39,23 @@ class VisiblePoints(NamedTuple):
             yield surface.geometry, slice(None) if single else self.body == number
 
 
-WorldMesh = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]
-"""Vertices in the world [m] and faces."""
+class WorldMesh(NamedTuple):
+    """Mesh of a body in the world."""
+
+    vertices: Float[np.ndarray, "_ 3"]
+    """In the world [m]."""
+    faces: Int[np.ndarray, "_ 3"]
+    is_two_sided: bool = False
+    """True for a thin wall, which is seen from both sides."""
 
 
 def world_meshes(surfaces: tuple[SolvedSurface, ...]) -> tuple[WorldMesh, ...]:
     """Meshes of bodies at their poses."""
     bodies = [surface.geometry for surface in surfaces]
-    return tuple((g.placed.to_world(g.vertices), g.faces) for g in bodies)
+    return tuple(
+        WorldMesh(g.placed.to_world(g.vertices), g.faces, g.is_two_sided)
+        for g in bodies
+    )
 
 
 def visible_points(
@@ -55,15 +64,16 @@ def visible_points(
     """Find what the camera sees of bodies.
 
     Raises:
-        InputError: if the camera is inside a body or sees none.
+        InputError: if the camera is inside a solid body or sees none.
     """
-    for index, mesh in enumerate(bodies):
-        if _is_inside(np.asarray(camera.position, float), *mesh):
+    for index, body in enumerate(bodies):
+        # A wall around the camera is a room, which it sees from within.
+        if not body.is_two_sided and _is_inside(camera.position, body):
             raise InputError(
                 f"camera: position {camera.position} is inside body {index}; "
                 "move it out, or omit the camera for an automatic view"
             )
-    vertices, mesh_faces = joined(bodies)
+    vertices, mesh_faces = joined([(body.vertices, body.faces) for body in bodies])
     points, faces, parent = camera.mesh_to_raster(vertices, mesh_faces)
     if not within_raster(points):
         # Triangles outside of the image may be at any distance from it.
@@ -78,15 +88,24 @@ def visible_points(
             "turn it, or omit the camera for an automatic view"
         )
     hit = parent[triangle]
-    first = np.cumsum([0, *(len(faces) for _, faces in bodies)])
-    body = np.searchsorted(first, hit, side="right") - 1
+    count = np.array([len(body.faces) for body in bodies])
+    first = np.append(0, np.cumsum(count))
+    number = np.searchsorted(first, hit, side="right") - 1
+    face = hit - first[number]
+    two_sided = np.array([body.is_two_sided for body in bodies])[number]
+    corners = vertices[mesh_faces[hit]] if two_sided.any() or camera.bends else None
+    if two_sided.any():
+        assert corners is not None
+        _, step = camera.rays(pixel)
+        leaves = row_dot(triangle_normals(corners), step) > 0
+        face = np.where(two_sided & leaves, face + count[number], face)
     position, depth = camera.points(pixel, key)
     visible = VisiblePoints(
-        pixel=pixel, body=body, face=hit - first[body], position=position, depth=depth
+        pixel=pixel, body=number, face=face, position=position, depth=depth
     )
     if not camera.bends:
         return visible
-    corners = vertices[mesh_faces[hit]]
+    assert corners is not None
     normal = unit_vectors(triangle_normals(corners))
     return on_planes(camera, visible=visible, corner=corners[:, 0], normal=normal)
 
@@ -113,12 +132,13 @@ def on_planes(
     return visible._replace(position=position, depth=depth)
 
 
-def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bool:
+def _is_inside(position: tuple[float, float, float], body: WorldMesh) -> bool:
     # Outside of the box around a body no search is needed; one axis often decides.
-    for coordinate, column in zip(point, vertices.T, strict=True):
+    for coordinate, column in zip(position, body.vertices.T, strict=True):
         if not column.min() <= coordinate <= column.max():
             return False
-    return abs(winding_number(vertices[faces], point)) > 0.5
+    point = np.asarray(position, float)
+    return abs(winding_number(body.vertices[body.faces], point)) > 0.5
 
 
 def _overlaps(corners: np.ndarray, camera: AbstractCamera) -> Bool[np.ndarray, " k"]:

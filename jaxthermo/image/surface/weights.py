@@ -19,10 +19,15 @@ from ...arrays import device_array
 from ...geometry.vectors import row_dot
 from ...memo.found import found
 from ...scene.scene import BodyGeometry
+from .linear_weights import linear_weights
 
 
 SMOOTHING_RADIUS = 2.0
 """Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface."""
+
+MAX_HEIGHT = 0.5
+"""Distance from the plane of a point beyond which fragments of a thin wall have no
+weight [cells]."""
 
 # Points per chunk: temporaries stay in the cache, and the allocator keeps them instead
 # of returning them.
@@ -335,9 +340,12 @@ def cells_of(geometry: BodyGeometry, radius: float) -> _FragmentCells:
 
 
 def _nearest_fragments(
-    points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
+    points: Float[np.ndarray, "p 3"],
+    normals: Float[np.ndarray, "p 3"],
+    geometry: BodyGeometry,
 ) -> Int[np.ndarray, " p"]:
-    # With any normal. Only points without a fragment in range search twice as far.
+    # Of a solid with any normal, of a thin wall on the side of the point. Only points
+    # without a fragment in range search twice as far.
     nearest = np.full(len(points), -1, np.int64)
     radius = geometry.pitch
     while (missing := np.flatnonzero(nearest < 0)).size:
@@ -345,6 +353,13 @@ def _nearest_fragments(
         cells = cells_of(geometry, radius)
         for chunk in np.array_split(missing, len(missing) // CHUNK + 1):
             owner, fragment, _ = cells.pairs(points[chunk])
+            if geometry.is_two_sided:
+                outward = geometry.fragment_normal[fragment]
+                normal = normals[chunk][owner]
+                # A triangle without area has no normal.
+                same_side = (row_dot(normal, outward) > 0) | ~normal.any(axis=1)
+                owner = owner[same_side]
+                fragment = fragment[same_side]
             offset = points[chunk][owner] - geometry.fragment_position[fragment]
             distance = row_dot(offset, offset)
             order = np.lexsort([distance, owner])
@@ -359,20 +374,40 @@ def smooth_weights(
     geometry: BodyGeometry,
 ) -> csr_array:
     """Weights [p, s] of a body's fragments at each point."""
-    cells = cells_of(geometry, SMOOTHING_RADIUS * geometry.pitch)
+    radius = SMOOTHING_RADIUS * geometry.pitch
+    cells = cells_of(geometry, radius)
+
     # Parts too thin to have fragments show the nearest ones.
-    return cells.means(
-        points,
-        normals,
-        otherwise=lambda alone: _nearest_fragments(points[alone], geometry),
+    def nearest(alone: np.ndarray) -> Int[np.ndarray, " n"]:
+        return _nearest_fragments(points[alone], normals[alone], geometry)
+
+    if not geometry.is_two_sided:
+        return cells.means(points, normals, otherwise=nearest)
+    position = geometry.fragment_position
+
+    # Another leaf of the wall may be near, with the same normal.
+    def level(pairs: Neighbours) -> Int[np.ndarray, " n"]:
+        away = position[pairs.fragment] - points[pairs.owner]
+        height = row_dot(away, normals[pairs.owner])
+        return np.flatnonzero(np.abs(height) < MAX_HEIGHT * geometry.pitch)
+
+    weights = cells.means(points, normals, select=level, otherwise=nearest)
+    return linear_weights(
+        weights,
+        points=points,
+        normals=normals,
+        position=position,
+        radius=radius,
     )
 
 
 def nearest_weights(
-    points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
+    points: Float[np.ndarray, "p 3"],
+    normals: Float[np.ndarray, "p 3"],
+    geometry: BodyGeometry,
 ) -> csr_array:
     """Weights [p, s] of the nearest fragment alone, which show the voxels."""
-    nearest = _nearest_fragments(points, geometry)
+    nearest = _nearest_fragments(points, normals, geometry)
     starts = np.arange(len(points) + 1)
     size = len(points), len(geometry.fragment_area)
     return csr_array((np.ones(len(points)), nearest, starts), size)

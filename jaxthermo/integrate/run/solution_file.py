@@ -98,6 +98,8 @@ class BodyArrays(NamedTuple):
     # Of bodies with parts: their names as JSON in UTF-8.
     fragment_part: Int[np.ndarray, " s"] | None = None
     part_names: UInt8[np.ndarray, " n"] | None = None
+    # Of a thin wall: 1, both sides of its triangles are surfaces.
+    is_two_sided: UInt8[np.ndarray, ""] | None = None
 
     def present(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, without those that the body does not have."""
@@ -126,6 +128,7 @@ def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyA
         absorptivity=np.asarray(surface.absorptivity),
         fragment_part=geometry.fragment_part,
         part_names=names,
+        is_two_sided=np.asarray(1, np.uint8) if geometry.is_two_sided else None,
     )
 
 
@@ -248,6 +251,7 @@ def solved_surface(body: BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSu
         pose=pose,
         fragment_part=body.fragment_part,
         part_names=_part_names(body),
+        is_two_sided=body.is_two_sided is not None and bool(body.is_two_sided),
     )
     return SolvedSurface(
         geometry, jnp.asarray(body.emissivity), jnp.asarray(body.absorptivity)

@@ -260,8 +260,8 @@ def _nearest_fragment(
         return np.asarray(fragment)
     # Both faces of a sheet are at one place: a point behind it is on its back.
     front = np.flatnonzero(grid.fragment_face == 0)
-    _, nearest = KDTree(grid.fragment_foot[front]).query(points)
-    away = points - grid.fragment_foot[nearest]
+    _, nearest = KDTree(grid.fragment_position[front]).query(points)
+    away = points - grid.fragment_position[nearest]
     is_behind = (away * grid.fragment_normal[nearest]).sum(axis=1) < -_ON_SURFACE
     return np.where(is_behind, nearest + len(front), nearest)
 

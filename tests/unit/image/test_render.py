@@ -148,8 +148,8 @@ def test_smoothing_does_not_leak_through_a_sheet(plate):
 
 
 def test_blocks_show_the_nearest_fragment(plate):
-    points, _ = _plate_points()
-    weights = nearest_weights(points, plate)
+    points, normals = _plate_points()
+    weights = nearest_weights(points, normals, plate)
     away = np.linalg.norm(points[:, None] - plate.fragment_position[None], axis=2)
     np.testing.assert_allclose(
         away[np.arange(len(points)), weights.indices], away.min(axis=1)

@@ -6,7 +6,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.image.files.labels import camera_matrices, instances, run_lengths
 from jaxthermo.image.files.raster_files import centikelvin, grey_levels
-from jaxthermo.image.surface.visible import visible_points
+from jaxthermo.image.surface.visible import WorldMesh, visible_points
 
 
 NUMBER = np.array(
@@ -54,7 +54,7 @@ CAMERAS = {
 def test_matrices_project_points_to_their_pixels(name):
     camera = CAMERAS[name]
     mesh = jt.shapes.box((0.06, 0.08, 0.05))
-    seen = visible_points(((mesh.vertices, mesh.faces),), camera)
+    seen = visible_points((WorldMesh(mesh.vertices, mesh.faces),), camera)
     matrices = camera_matrices(camera)
     extrinsic = np.array(matrices["world_to_camera"])
     local = seen.position @ extrinsic[:, :3].T + extrinsic[:, 3]

@@ -12,7 +12,7 @@ from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.schema.image import PinholeConfig
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.image.files.labels import camera_matrices
-from jaxthermo.image.surface.visible import visible_points
+from jaxthermo.image.surface.visible import WorldMesh, visible_points
 
 
 WIDTH, HEIGHT = 640, 512
@@ -84,15 +84,17 @@ def test_pixels_show_what_their_rays_meet(name):
     position = np.asarray(camera.position)
     right, down, forward = camera.frame
     meshes = (
-        (block.vertices + position + 0.9 * forward + 0.25 * right, block.faces),
-        (ball.vertices + position + 0.5 * forward - 0.1 * down, ball.faces),
+        WorldMesh(
+            block.vertices + position + 0.9 * forward + 0.25 * right, block.faces
+        ),
+        WorldMesh(ball.vertices + position + 0.5 * forward - 0.1 * down, ball.faces),
     )
     visible = visible_points(meshes, camera)
     depth = np.full(64 * 51, np.inf)
     depth[visible.pixel] = visible.depth
     exact = np.full(64 * 51, np.inf)
     origin, step = camera.rays()
-    for vertices, faces in meshes:
+    for vertices, faces, _ in meshes:
         for a, b, c in vertices[faces]:
             # Solve a + u (b - a) + v (c - a) = o + d s.
             across = np.stack([b - a, c - a], axis=1)
