@@ -7,6 +7,7 @@ from typing import Any, NotRequired
 import numpy as np
 from typing_extensions import TypedDict
 
+from .kinds.sheet import Sheet
 from .kinds.shell import IrregularMultiLevel
 from .structure import AbstractStructure
 
@@ -35,7 +36,10 @@ class StructureReport(TypedDict):
     kind: str
     options: dict[str, Any]
     pitch_m: float
-    solid_voxels: int
+    solid_voxels: NotRequired[int]
+    """Voxels of a solid."""
+    surface_cells: NotRequired[int]
+    """Cells of the surface of a sheet."""
     nodes: int
     links: int
     fragments: int
@@ -53,15 +57,12 @@ def structure_report(
 ) -> StructureReport:
     """Counts, memory and capacity of every level; with the time to build it [s]."""
     nodes = structure.nodes()
-    init = [f.name for f in fields(structure) if f.init]
-    options = [name for name in init if name not in ("grid", "weights")]
     counts = np.bincount(nodes.level)
     volumes = np.bincount(nodes.level, nodes.volume)
     report = StructureReport(
         kind=type(structure).__name__,
-        options={name: getattr(structure, name) for name in options},
+        options=_options(structure),
         pitch_m=float(structure.grid.pitch),
-        solid_voxels=structure.voxels.solid_count,
         nodes=structure.node_count,
         links=structure.link_count,
         fragments=len(structure.grid.fragment_area),
@@ -73,9 +74,24 @@ def structure_report(
         ],
         build_time_s=build_time,
     )
+    if isinstance(structure, Sheet):
+        report["surface_cells"] = structure.surface_cells
+    else:
+        report["solid_voxels"] = structure.voxels.solid_count
     if isinstance(structure, IrregularMultiLevel):
         report["share_of_body_volume"] = structure.coverage()._asdict()
     return report
+
+
+def _options(structure: AbstractStructure) -> dict[str, object]:
+    if isinstance(structure, Sheet):
+        thickness = [
+            [float(layer.thickness) for layer in stack] for stack in structure.stacks
+        ]
+        return {"cells": structure.cells_through, "thickness_m": thickness}
+    init = [field.name for field in fields(structure) if field.init]
+    names = [name for name in init if name not in ("grid", "weights")]
+    return {name: getattr(structure, name) for name in names}
 
 
 def _bytes(structure: AbstractStructure) -> _ArrayBytes:

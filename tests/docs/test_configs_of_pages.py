@@ -124,6 +124,10 @@ def scene_with(setting):
     first, _, subkey = key.partition(".")
     if subkey:
         scene[first] = {subkey: value}
+    elif key in ("sheet", "layers"):
+        geometry = {name: BODY[name] for name in ("mesh", "temperature")}
+        sheet = value if key == "sheet" else setting
+        scene["bodies"] = [{**geometry, "sheet": sheet}]
     elif key in BodyConfig.model_fields:
         scene["bodies"][0][key] = value
         if key == "solid":
@@ -137,6 +141,8 @@ def scene_with(setting):
     elif key in ("side", "region", "fragments", "body"):
         scene["bodies"] *= 2
         scene["terms"] = [{"kind": "heat_flux", "heat_flux": 10, "on": setting}]
+    elif key == "on":
+        scene["terms"] = [{"kind": "heat_flux", "heat_flux": 10, **setting}]
     elif key in ("place", "start", "clear_sky"):
         site = {"latitude": 48, "longitude": 11}
         outdoors = {"place": site, "start": "2026-06-21T12:00Z"}

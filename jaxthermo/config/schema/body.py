@@ -26,6 +26,7 @@ from .material import (
     finish_names,
 )
 from .selection import WhereConfig, empty_box
+from .sheet import SheetConfig
 from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
 
 
@@ -123,7 +124,7 @@ class BodyConfig(Model, builds="Body"):
     """One body of the scene."""
 
     mesh: MeshConfig | None = None
-    """Mesh file of the body, a closed surface."""
+    """Mesh file of the body: a closed surface, or any surface for a sheet."""
     shape: ShapeConfig | None = None
     """Shape that needs no file, instead of a mesh."""
     solid: FoundPath | None = None
@@ -137,11 +138,15 @@ class BodyConfig(Model, builds="Body"):
     """Surface of a mesh by all crossings with true volumes of the voxels that it cuts,
     of second order in the pitch (as without this), or by fragments along the dominant
     axis of its normal, of first order."""
+    sheet: SheetConfig | None = None
+    """A thin wall on the surface, with a `pitch` and materials of its own, instead of
+    a solid body."""
     structure: StructureConfig = FullVolume()
     """Nodes and links that represent the body's heat."""
     surface_map: SurfaceMapConfig = FluxCorrectedMap()
-    material: BodyMaterial
-    """A material by name or properties, or several by labels or parts of the mesh."""
+    material: BodyMaterial | None = None
+    """Material of a solid: by name or properties, or several by labels or parts of the
+    mesh."""
     regions: tuple[_PaintConfig, ...] = ()
     """Boxes of other materials, later ones on top."""
     coatings: tuple[_AnyCoating, ...] = ()
@@ -153,7 +158,10 @@ class BodyConfig(Model, builds="Body"):
     inside: Literal["closed", "open"] = "closed"
     """If open, air, sun and surroundings act in its closed cavities as well."""
 
-    exactly_one: ClassVar = (("mesh", "shape", "solid"), ("pitch", "voxels_high"))
+    exactly_one: ClassVar = (
+        ("mesh", "shape", "solid"),
+        ("pitch", "voxels_high", "sheet"),
+    )
 
     def build(self, *args: Any) -> Any:
         """The body on its voxel grid; without a grid it is voxelized first.
@@ -161,16 +169,29 @@ class BodyConfig(Model, builds="Body"):
         Raises:
             InputError: for a mesh, labels or a fit card that cannot be used.
         """
-        (grid,) = args or (self.build_grid(),)
+        if self.sheet is not None:
+            structure = self._build_sheet()
+            material = None
+        else:
+            (grid,) = args or (self.build_grid(),)
+            structure = self.structure.build(grid)
+            material = self.build_materials(grid)
         return self.target()(
-            self.structure.build(grid),
-            self.build_materials(grid),
+            structure,
+            material,
             temperature=self.temperature,
             pose=self.pose.build(),
             surface_map=self.surface_map.build(),
             coatings=build(self.coatings),
             inside=self.inside,
         )
+
+    def _build_sheet(self) -> Any:
+        assert self.sheet is not None
+        with_parts = self._with_parts()
+        if with_parts is None:
+            return self.sheet.build({"": self.build_mesh()})
+        return self.sheet.build(with_parts.build_parts())
 
     @property
     def label(self) -> str:
@@ -195,7 +216,9 @@ class BodyConfig(Model, builds="Body"):
         return self.shape.kind, text_hash(text)
 
     def build_grid(self) -> Any:
-        """The voxels of the body, at the pitch of the config."""
+        """The voxels of the body, or the cells of its surface, by the config."""
+        if self.sheet is not None:
+            return self._build_sheet().grid
         pitch = self.pitch
         if self.solid is not None:
             assert pitch is not None
@@ -223,6 +246,7 @@ class BodyConfig(Model, builds="Body"):
             with_parts = self._with_parts()
             assert with_parts is not None
             return self.material.build(grid, with_parts.build_parts())
+        assert self.material is not None
         base = self.material.build()
         painted = tuple(region.build() for region in self.regions)
         return jaxthermo.MaterialMap(base, painted) if painted else base
@@ -244,7 +268,26 @@ class BodyConfig(Model, builds="Body"):
         if isinstance(self.material, PartsConfig) and self._with_parts() is None:
             message = "only a `mesh` file or a `shape` of kind `parts` has parts"
             mistakes.append((("material",), message))
+        if self.sheet is not None:
+            return [*mistakes, *self._sheet_mistakes()]
+        if self.material is None:
+            mistakes.append((("material",), "missing, and it has no default"))
         return [*mistakes, *self._regions_mistakes()]
+
+    def _sheet_mistakes(self) -> list[Mistake]:
+        reasons = {
+            "solid": "an array of voxels has no sheet: give a `mesh` or a `shape`",
+            "material": "the layers of the `sheet` have their materials: leave it out",
+            "regions": "the layers of the `sheet` by part say what is where",
+            "structure": "a `sheet` has its own structure: leave it out",
+            "surface_map": "a `sheet` has its own surface: leave it out",
+            "surface_cells": "a `sheet` has its own surface: leave it out",
+        }
+        return [
+            ((key,), reason)
+            for key, reason in reasons.items()
+            if getattr(self, key) != type(self).model_fields[key].default
+        ]
 
     def _regions_mistakes(self) -> list[Mistake]:
         if not self.regions:

@@ -1,16 +1,16 @@
-"""Selections: a side, a box, a whole body, fragments of a file, combinations."""
+"""Selections: a side, a face, a box, a body, fragments of a file, combinations."""
 
 import math
 import operator
 from functools import reduce
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 import jaxthermo
 
 from ..types.files import FoundPath, read_mask
-from ..types.model import Mistake, Model, build
+from ..types.model import Mistake, Model, Short, build
 from ..types.quantities import Angle, Direction, Index, NotEmpty, Position
 
 
@@ -20,6 +20,17 @@ class _SideConfig(Model, builds="Side"):
     normal: Direction
     half_angle: Annotated[Angle, Field(gt=0, le=math.pi)] = math.pi / 4
     body: Index = 0
+
+
+class _FaceConfig(Model, builds="Face"):
+    """One of the two faces of a sheet."""
+
+    name: Literal["front", "back"]
+    """The front is on the side of the normals."""
+    body: Index = 0
+
+
+_AnyFace = Annotated[_FaceConfig, Short("name", words=("front", "back"))]
 
 
 class _RegionConfig(Model, builds="Region"):
@@ -106,10 +117,11 @@ class WhereConfig(_Selection):
     """The part of the surface on which a term acts."""
 
     side: _SideConfig | None = None
+    face: _AnyFace | None = None
     fragments: _FragmentsConfig | None = None
 
     exactly_one: ClassVar = (
-        ("side", "region", "fragments", "body", "all", "any", "not"),
+        ("side", "face", "region", "fragments", "body", "all", "any", "not"),
     )
 
 

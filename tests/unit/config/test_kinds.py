@@ -26,7 +26,7 @@ CONVERTED = {
     "BandConfig": {"name"},
     "BodyConfig": {
         *("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells"),
-        *("structure", "regions"),
+        *("structure", "regions", "sheet"),
     },
     "CoatingConfig": {"finish"},
     "DirectionTable": {"values"},

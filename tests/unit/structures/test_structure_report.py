@@ -5,7 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from jaxthermo.geometry.shapes import rectangle
+from jaxthermo.material.layer import Layer
 from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.structures.kinds.sheet import Sheet
 from jaxthermo.structures.kinds.shell import IrregularMultiLevel, SingleShell
 from jaxthermo.structures.report import structure_report
 from tests.bodies import blocks
@@ -34,11 +37,27 @@ def test_levels_add_up_and_all_is_json(structure):
     levels = report["levels"]
     assert sum(level["nodes"] for level in levels) == report["nodes"]
     volume = sum(level["volume_m3"] for level in levels)
+    assert "solid_voxels" in report
     body = report["solid_voxels"] * 0.5**3
     assert volume == pytest.approx(report["capacity_ratio"] * body)
     sizes = report["bytes_float32"]
     arrays = sizes["state"], sizes["capacity"], sizes["links"], sizes["fragments"]
     assert sizes["total"] == sum(arrays) > 0
+
+
+def test_a_sheet_has_cells_of_its_surface(grid):
+    layers = (Layer("steel", 0.8e-3), Layer("mineral_wool", 0.04))
+    sheet = Sheet(rectangle(1.0, 0.5), layers, pitch=0.1, cells=4)
+    report = structure_report(sheet)
+    assert json.loads(json.dumps(report)) == report
+    assert "solid_voxels" not in report
+    assert "surface_cells" in report
+    assert report["surface_cells"] == sheet.surface_cells
+    assert report["nodes"] == 4 * sheet.surface_cells
+    assert report["options"] == {"cells": 4, "thickness_m": [[0.8e-3, 0.04]]}
+    volumes = [level["volume_m3"] for level in report["levels"]]
+    assert len(volumes) == 4
+    assert sum(volumes) == pytest.approx(0.5 * 0.0408)
 
 
 def test_options_and_time_are_told(grid):

@@ -1,0 +1,117 @@
+"""Sheets: thin walls of layers on a surface, instead of a structure of voxels."""
+
+import csv
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Discriminator, Field, Tag
+from typing_extensions import override
+
+import jaxthermo
+
+from ..messages import close_match
+from ..types.model import Model, build
+from ..types.quantities import NotEmpty, PositiveLength, PositiveTime, Whole, refuse
+from .material import Material
+
+
+_TABLE = Path(__file__).parents[2] / "data" / "stacks.csv"
+
+_CELLS_OF_SIZE = 100
+"""Number of cells along the longest edge of a body whose pitch is not given."""
+
+
+@cache
+def _stack_names() -> tuple[str, ...]:
+    # From the data file: `jaxthermo.stacks` has the same names, but imports JAX.
+    rows = csv.DictReader(_TABLE.read_text(encoding="utf-8").splitlines())
+    return tuple(dict.fromkeys(row["name"] for row in rows))
+
+
+def _known_stack(name: str) -> str:
+    names = _stack_names()
+    if name not in names:
+        raise refuse(f"unknown stack '{name}'{close_match(name, names)}")
+    return name
+
+
+_StackName = Annotated[
+    str,
+    AfterValidator(_known_stack),
+    Field(json_schema_extra={"enum": [*_stack_names()]}),
+]
+
+
+class _LayerConfig(Model, builds="Layer"):
+    """A layer of a sheet."""
+
+    material: Material
+    thickness: PositiveLength
+
+
+_LayerList = Annotated[tuple[_LayerConfig, ...], NotEmpty]
+
+
+def _name_or_list(value: Any) -> str:
+    return "<name>" if isinstance(value, str) else "<list>"
+
+
+_Stack = Annotated[
+    Annotated[_StackName, Tag("<name>")] | Annotated[_LayerList, Tag("<list>")],
+    Discriminator(_name_or_list),
+]
+"""Layers from the front to the back, or the name of a stack of the ground."""
+
+
+def _stack_or_parts(value: Any) -> str:
+    return "<parts>" if isinstance(value, Mapping) else "<stack>"
+
+
+_Layers = Annotated[
+    Annotated[_Stack, Tag("<stack>")]
+    | Annotated[dict[str, _Stack], NotEmpty, Tag("<parts>")],
+    Discriminator(_stack_or_parts),
+]
+
+
+class SheetConfig(Model):
+    """A thin wall on the surface of the body, with two faces."""
+
+    layers: _Layers
+    """Layers from the front, the side of the normals, to the back, or the name of a
+    stack; or these by part, or by a pattern of parts as for materials."""
+    pitch: PositiveLength | None = None
+    """Edge of the cells along the surface [m]; a hundredth of the longest edge of the
+    body if not given."""
+    cells: Annotated[Whole, Field(ge=1, le=64)] | None = None
+    """Number of cells through the thickness; by the shortest time if not given."""
+    shortest_time: PositiveTime | None = None
+    """Duration of a load that the cells at the faces resolve [s]."""
+    weld: PositiveLength | None = None
+    """Distance within which vertices are joined [m]; 1e-5 of the size if not given."""
+    nodes: Literal["cells", "vertices"] = "cells"
+    """Nodes are cells of the surface, or the vertices of the mesh."""
+
+    @override
+    def build(self, *args: Any) -> Any:
+        """The sheet on the parts of a mesh, which are the argument.
+
+        Raises:
+            InputError: for layers or parts that do not fit.
+        """
+        (parts,) = args
+        arguments = super().arguments()
+        arguments["layers"] = _built_layers(self.layers)
+        if self.pitch is None:
+            bounds = np.concatenate([mesh.bounds for mesh in parts.values()])
+            arguments["pitch"] = float(np.ptp(bounds, axis=0).max()) / _CELLS_OF_SIZE
+        return jaxthermo.Sheet(parts, **arguments)
+
+
+def _built_layers(layers: Any) -> Any:
+    if isinstance(layers, Mapping):
+        return {pattern: _built_layers(stack) for pattern, stack in layers.items()}
+    return jaxthermo.stacks[layers] if isinstance(layers, str) else build(layers)
