@@ -77,9 +77,9 @@ def scene_of(mesh, values, cells):
 
 def weighted_end(mesh, values, cells):
     """A sum over the surface at the end of a run, of different weights."""
-    solution = jt.simulate(
-        scene_of(mesh, values, cells), 200.0, solver=jt.TRBDF2(dt=50.0)
-    )
+    # Thin cells have short stable steps.
+    solver = jt.ForwardEuler(dt=20.0) if cells == 1 else jt.TRBDF2(dt=50.0)
+    solution = jt.simulate(scene_of(mesh, values, cells), 200.0, solver=solver)
     temperature = solution.surface_temperature[0]
     return jnp.mean(jnp.linspace(0.5, 1.5, len(temperature)) * temperature)
 
