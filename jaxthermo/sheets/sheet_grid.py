@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,6 +10,7 @@ from typing_extensions import override
 from wadler_lindig import TextDoc
 
 from ..geometry.mesh import Mesh
+from ..geometry.vectors import triangle_normals
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.lattice import Lattice
 from ..voxels.selection import FACES, AbstractSelection, AbstractSpace, SurfaceSamples
@@ -21,6 +22,15 @@ BACK = FACES.index("back")
 
 # Edge of a square within a fragment, over that of one of its area.
 _INSCRIBED = 0.8
+
+
+class SheetThirds(NamedTuple):
+    """Thirds of triangles, nearest to each of their corners: one face of a sheet."""
+
+    position: Float[np.ndarray, "n 3"]
+    """Centroids [m]."""
+    area: Float[np.ndarray, " n"]
+    """[m^2]"""
 
 
 # Without the representation of dataclasses, which prints the first nodes.
@@ -88,17 +98,17 @@ class SheetGrid(AbstractGrid):
     def selected_fraction(
         self, selection: AbstractSelection
     ) -> Float[np.ndarray, " s"]:
-        cells = self.cells
-        thirds = corner_thirds(cells.vertices[cells.faces]).reshape(-1, 3)
-        front = cells.fragments.of_corner.ravel()
-        fragment = np.concatenate([front, front + len(cells.fragments.area)])
+        fragments = self.cells.fragments
+        front = fragments.of_corner.ravel()
+        fragment = np.concatenate([front, front + len(fragments.area)])
+        thirds = self.thirds
         samples = SurfaceSamples(
             fragments=self.fragment_centres,
             fragment=fragment,
-            points=np.concatenate([thirds, thirds])[None],
+            points=np.concatenate([thirds.position, thirds.position])[None],
         )
         (is_selected,) = selection.contains_samples(samples)
-        area = np.tile(np.repeat(cells.face_area / 3, 3), 2) * is_selected
+        area = np.tile(thirds.area, 2) * is_selected
         selected_area = np.bincount(fragment, area, len(self.fragment_area))
         return selected_area / self.fragment_area
 
@@ -108,6 +118,43 @@ class SheetGrid(AbstractGrid):
         area = self.fragment_area * self.selected_fraction(space)
         both_faces = np.bincount(self.fragment_surface_cell, area, count)
         return both_faces / (2 * self.cells.area.sum(axis=1))
+
+    def fragments_at(
+        self,
+        points: Float[np.ndarray, "k 3"],
+        *,
+        triangle: Int[np.ndarray, " k"],
+        is_back: Bool[np.ndarray, " k"],
+    ) -> Int[np.ndarray, " k"]:
+        """Fragment of each point [m] of a triangle of the cells, on either face."""
+        corners = self.cells.vertices[self.cells.faces[triangle]]
+        normal = triangle_normals(corners)
+        to_corner = corners - points[:, None]
+        # Twice the areas of the triangles opposite to each corner: its barycentric
+        # coordinate is the largest in the third that is nearest to it.
+        opposite = np.cross(to_corner[:, [1, 2, 0]], to_corner[:, [2, 0, 1]])
+        third = np.einsum("kci,ki->kc", opposite, normal).argmax(axis=1)
+        front = self.cells.fragments.of_corner[triangle, third]
+        return front + np.where(is_back, len(self.cells.fragments.area), 0)
+
+    @cached_property
+    def thirds(self) -> SheetThirds:
+        """Thirds of the triangles of the cells."""
+        cells = self.cells
+        position = corner_thirds(cells.vertices[cells.faces]).reshape(-1, 3)
+        return SheetThirds(position=position, area=np.repeat(cells.face_area / 3, 3))
+
+    @cached_property
+    def fragment_reach(self) -> float:
+        """Largest distance of a point of the surface from its fragment [m]."""
+        corners = self.cells.vertices[self.cells.faces]
+        centroid = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
+        # A third is convex: one of its corners is the farthest point.
+        following = (corners + corners[:, [1, 2, 0]]) / 2
+        preceding = (corners + corners[:, [2, 0, 1]]) / 2
+        ends = np.stack([corners, following, centroid, preceding])
+        position = self.cells.fragments.position[self.cells.fragments.of_corner]
+        return float(np.linalg.norm(ends - position, axis=-1).max())
 
     @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box
-from jaxthermo.physics.contact.rays import PlacedGrid, require_shallow
+from jaxthermo.physics.contact.overlap import require_shallow
+from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.physics.contact.search import (
     broad_phase,
     contacts_between,

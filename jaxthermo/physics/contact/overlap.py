@@ -5,6 +5,8 @@ voxels of the other. At a point of it the bodies overlap by the sum of its depth
 both surfaces, each the distance to the tangent plane of the nearest fragment: exact for
 facing planes at any angle, whereas voxels are known to a voxel only. Bodies that touch
 overlap by rounding; an overlap of up to a voxel of the coarser one counts as contact.
+
+A sheet has no volume, only an area within the solid of another body.
 """
 
 from collections.abc import Iterator
@@ -18,8 +20,8 @@ from scipy.spatial import KDTree
 from ...errors import InputError
 from ...geometry.vectors import row_dot
 from ...memo.stored import stored_search
-from ...voxels.grid import VoxelGrid
-from .rays import PlacedGrid
+from ...sheets.sheet_grid import SheetGrid
+from .rays import ContactRange, PlacedGrid, coarser_pitch
 
 
 # Voxels that are compared at a time, which limits the memory.
@@ -30,6 +32,8 @@ _MAX_POINTS = 20_000
 
 # Relative rounding of a depth of exactly one voxel.
 _ROUNDING = 1e-6
+
+_AXIS_DIRECTIONS = np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])
 
 
 class Overlap(NamedTuple):
@@ -48,18 +52,48 @@ class Overlap(NamedTuple):
 
     def described(self, bodies: tuple[int, int]) -> str:
         """One line about the overlap of these bodies."""
-        where = ", ".join(f"{x:.3g}" for x in self.position)
+        where = _place(self.position)
         return (
             f"bodies {bodies[0]} and {bodies[1]} overlap by {1e3 * self.depth:.3g} mm "
-            f"around ({where}) m: {self.volume:.3g} m3, {100 * self.fraction:.2g} % of "
+            f"around {where}: {self.volume:.3g} m3, {100 * self.fraction:.2g} % of "
             f"body {self.smaller}, has the heat capacity of both; move them apart, or "
             "join them in one mesh"
         )
 
 
+class SheetOverlap(NamedTuple):
+    """The part of a sheet that is in the solid of another body."""
+
+    area: float
+    """Area of one face of it [m^2]."""
+    sheet: int
+    """Number of the sheet."""
+    depth: float
+    """Largest depth below the surface of the solid [m]."""
+    position: Float[np.ndarray, "3"]
+    """Deepest point, world [m]."""
+
+    def described(self, bodies: tuple[int, int]) -> str:
+        """One line about the overlap of these bodies."""
+        (solid,) = set(bodies) - {self.sheet}
+        return (
+            f"body {self.sheet}, a sheet, passes through body {solid}: {self.area:.3g} "
+            f"m2 of it are in the solid, up to {1e3 * self.depth:.3g} mm deep around "
+            f"{_place(self.position)}, and exchange heat as if nothing were there; "
+            "move them apart, or end the sheet at the surface"
+        )
+
+
+def _place(position: Float[np.ndarray, "3"]) -> str:
+    return f"({', '.join(f'{x:.3g}' for x in position)}) m"
+
+
+AnyOverlap = Overlap | SheetOverlap
+
+
 def find_overlaps(
     bodies: tuple[PlacedGrid, ...], cache: dict | None = None
-) -> dict[tuple[int, int], Overlap]:
+) -> dict[tuple[int, int], AnyOverlap]:
     """Overlaps of all pairs i < j of bodies by more than a voxel of the coarser one.
 
     Args:
@@ -81,11 +115,13 @@ def find_overlaps(
     return overlaps
 
 
-@stored_search("overlap", (Overlap,))
-def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
-    # A sheet has no volume.
-    if not all(isinstance(bodies[n].grid, VoxelGrid) for n in (i, j)):
+@stored_search("overlap", (Overlap, SheetOverlap))
+def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> AnyOverlap | None:
+    if bodies[i].is_sheet and bodies[j].is_sheet:
         return None
+    if bodies[i].is_sheet or bodies[j].is_sheet:
+        sheet, solid = (i, j) if bodies[i].is_sheet else (j, i)
+        return _sheet_overlap(bodies, sheet=sheet, solid=solid)
     # The finer body's voxels are counted.
     finer, coarser = sorted((i, j), key=lambda number: bodies[number].pitch)
     a = bodies[finer]
@@ -119,6 +155,37 @@ def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
         smaller=(finer, coarser)[int(np.argmin(sizes))],
         depth=float(depths[deepest]),
         position=samples[deepest],
+    )
+
+
+def _sheet_overlap(
+    bodies: tuple[PlacedGrid, ...], *, sheet: int, solid: int
+) -> SheetOverlap | None:
+    around = bodies[solid]
+    grid = bodies[sheet].grid
+    assert isinstance(grid, SheetGrid)
+    points = bodies[sheet].pose.to_world(grid.thirds.position)
+    is_inside = around.contains(points)
+    if not is_inside.any():
+        return None
+    inside = points[is_inside]
+    depths = _depth_below(around, inside)
+    deepest = int(depths.argmax())
+    is_deep = bool(depths[deepest] > around.pitch * (1 + _ROUNDING))
+    # By rounding a sheet that lies on a solid may be in its voxels.
+    min_depth = 0.5 * around.pitch * (1 - _ROUNDING)
+    if is_inside.all() and (is_deep or (depths >= min_depth).all()):
+        raise InputError(
+            f"body {sheet}, a sheet, lies wholly in the solid of body {solid}: move it "
+            "out, give the other a cavity for it, or a region of another material"
+        )
+    if not is_deep:
+        return None
+    return SheetOverlap(
+        area=float(grid.thirds.area[is_inside].sum()),
+        sheet=sheet,
+        depth=float(depths[deepest]),
+        position=inside[deepest],
     )
 
 
@@ -166,3 +233,55 @@ def _depth_below(
     nearest = KDTree(body.world_fragments).query(points)[1]
     normal = body.pose.rotate(body.grid.fragment_normal[nearest])
     return row_dot(body.world_fragments[nearest] - points, normal)
+
+
+def _depth_in(body: PlacedGrid, target: PlacedGrid) -> float:
+    """Depth of a body's fragments in another one [m]; 0 if all are outside."""
+    # The shortest way out of its voxels along the axes of its lattice, to half a voxel.
+    if target.is_sheet:
+        return 0.0
+    solid = np.pad(target.voxels.solid, 1)
+    points = body.world_fragments
+    points = target.pose.to_body(points[target.contains(points)])
+    if not len(points):
+        return 0.0
+    cells = np.floor(target.grid.lattice.to_cells(points)).astype(np.int64)
+    # Padded on all sides, so that every way out ends.
+    cells = np.unique(cells + 1, axis=0)
+    steps = 0
+    while len(cells):
+        steps += 1
+        ahead = np.clip(
+            cells[:, None] + steps * _AXIS_DIRECTIONS, 0, np.array(solid.shape) - 1
+        )
+        cells = cells[solid[tuple(np.moveaxis(ahead, 2, 0))].all(1)]
+    return (steps - 0.5) * target.pitch
+
+
+def _fraction_inside(body: PlacedGrid, target: PlacedGrid) -> float:
+    """Fraction of a body's fragments with a voxel centre inside another body."""
+    # A sheet has none: by rounding it may be inside the solid on which it lies.
+    if body.is_sheet:
+        return 0.0
+    voxels = body.grid.fragment_centre
+    return float(target.contains(body.pose.to_world(voxels)).mean())
+
+
+def require_shallow(a: PlacedGrid, b: PlacedGrid, threshold: float) -> None:
+    """Raise an error for bodies that overlap too deeply to be in contact.
+
+    `threshold` is the largest gap that counts as contact [m].
+
+    Raises:
+        InputError: naming both bodies and the depth.
+    """
+    depth = max(_depth_in(a, b), _depth_in(b, a))
+    # The depth is known to half a voxel.
+    limit = ContactRange.between(a, b, threshold).max_overlap
+    limit += 0.5 * coarser_pitch(a, b)
+    # Thin bodies can be inside each other entirely at a small depth.
+    if depth > limit or max(_fraction_inside(a, b), _fraction_inside(b, a)) > 0.5:
+        raise InputError(
+            f"{a.name} and {b.name} overlap by about {depth:.3g} m: move them apart "
+            "until they touch, or join them in one mesh"
+        )

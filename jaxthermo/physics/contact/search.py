@@ -15,16 +15,9 @@ from jaxtyping import Float, Int
 from ...arrays import Scalar
 from ...errors import InputError
 from ...memo.stored import stored_search
-from .rays import (
-    FRAGMENT_SPACING,
-    MAX_FRAGMENT_DISTANCE,
-    MAX_SLANT,
-    ContactRange,
-    PlacedGrid,
-    fragment_shares,
-    ray_hits,
-    require_shallow,
-)
+from .overlap import require_shallow
+from .rays import MAX_SLANT, ContactRange, PlacedGrid, ray_hits
+from .shares import fragment_shares
 
 
 # Largest number of pixels along the longer edge of a view of two boxes' overlap.
@@ -156,7 +149,7 @@ def _are_separated(a: PlacedGrid, b: PlacedGrid, margin: float) -> bool:
     # views are drawn from fragments, not from triangles: every part that conducts
     # has fragments, whereas a part thinner than a pixel may be missed by all rays. A
     # surface point has a fragment within `spacing`.
-    spacing = MAX_FRAGMENT_DISTANCE * max(a.pitch, b.pitch)
+    spacing = max(a.fragment_reach, b.fragment_reach)
     margin = margin + 2 * spacing
     low = np.maximum(a.world_bounds[0], b.world_bounds[0]) - margin
     high = np.minimum(a.world_bounds[1], b.world_bounds[1]) + margin
@@ -213,8 +206,9 @@ def find_contacts(
 ) -> ContactPairs:
     """Touching fragments of two bodies (thesis 5.3, after Faure et al. 2008).
 
-    Rays follow the lattice of the body with the finer voxels, of A if they are equal.
-    `threshold` is as for `broad_phase`.
+    Rays follow the lattice of the body with the finer voxels, of A if they are equal,
+    and go through the sheet for a sheet and a solid. A is the body that comes first in
+    the scene. `threshold` is as for `broad_phase`.
 
     Raises:
         InputError: if the threshold is not positive, or the bodies overlap deeply.
@@ -223,9 +217,10 @@ def find_contacts(
     if not (np.isfinite(max_gap) and max_gap > 0):
         raise InputError(f"contact threshold {max_gap!r}: give a positive length [m]")
     require_shallow(a, b, max_gap)
-    if b.pitch < a.pitch:
-        return _contact_pairs(b, a, max_gap).swapped()
-    return _contact_pairs(a, b, max_gap)
+    samples_b = b.is_sheet if a.is_sheet != b.is_sheet else b.pitch < a.pitch
+    if samples_b:
+        return _contact_pairs(b, a, max_gap, second_is_a=True).swapped()
+    return _contact_pairs(a, b, max_gap, second_is_a=False)
 
 
 @stored_search("contacts", (ContactPairs,))
@@ -245,18 +240,22 @@ def contacts_between(
     return contacts
 
 
-def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPairs:
+def _contact_pairs(
+    a: PlacedGrid, b: PlacedGrid, threshold: float, second_is_a: bool
+) -> ContactPairs:
     no_contact = ContactPairs.none(len(a.grid.fragment_area), len(b.grid.fragment_area))
     limits = ContactRange.between(a, b, threshold)
-    near = _near_fragments(
-        a, b, limits.max_distance + FRAGMENT_SPACING * (a.pitch + b.pitch)
-    )
+    near = _near_fragments(a, b, limits.max_distance + a.spacing + b.spacing)
     if not len(near):
         return no_contact
-    hits = ray_hits(a, b=b, near=near, limits=limits)
+    hits = ray_hits(a, b=b, near=near, limits=limits, second_is_a=second_is_a)
     in_b = b.pose.to_body(a.pose.to_world(hits.point_b))
-    shares_a = fragment_shares(a.voxels, hits.point_a, hits.triangle_a)
-    shares_b = fragment_shares(b.voxels, in_b, hits.triangle_b)
+    shares_a = fragment_shares(
+        a.grid, point=hits.point_a, triangle=hits.triangle_a, is_back=hits.is_back_a
+    )
+    shares_b = fragment_shares(
+        b.grid, point=in_b, triangle=hits.triangle_b, is_back=hits.is_back_b
+    )
     touches = [
         (index_a, index_b, hits.area * share_a * share_b)
         for (index_a, share_a), (index_b, share_b) in product(shares_a, shares_b)

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from ...errors import InputError, located
 from ...geometry.mesh import Pose
 from ...memo.found import found
-from ...physics.contact.overlap import Overlap, find_overlaps
+from ...physics.contact.overlap import AnyOverlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
 from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import Forcing
@@ -66,7 +66,7 @@ class Snapshot(NamedTuple):
     pairs: dict[PairKey, ContactPairs]
     unpaired: tuple[tuple[int, str], ...]
     """Pair terms that do not act, by their number, and why."""
-    overlaps: dict[tuple[int, int], Overlap]
+    overlaps: dict[tuple[int, int], AnyOverlap]
     """Bodies that overlap by more than a contact, by their numbers."""
 
     @property
@@ -330,7 +330,7 @@ def _touching(
 
 def _overlaps(
     placed: tuple[PlacedGrid, ...], clear_pairs: dict
-) -> dict[tuple[int, int], Overlap]:
+) -> dict[tuple[int, int], AnyOverlap]:
     if len(placed) == 1:
         return {}
     return found(

@@ -5,7 +5,10 @@ import pytest
 from placed import ball_grid, box_grid
 
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.physics.contact.rays import MAX_FRAGMENT_DISTANCE, _nearest_fragments
+from jaxthermo.physics.contact.shares import (
+    MAX_FRAGMENT_DISTANCE,
+    _nearest_fragments,
+)
 from jaxthermo.voxels.voxelize import voxelize
 
 

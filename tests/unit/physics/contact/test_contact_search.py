@@ -100,7 +100,7 @@ def test_no_fragment_of_another_lattice_is_covered_twice():
     table = placed(box_grid((2.2, 2.2, 0.6), 0.161), (0.0321, 0.013, -0.3))
     pairs = find_contacts(ON_TOP, table)
     covered = np.bincount(pairs.fragment_b, pairs.area)
-    room = table.grid.fragment_area[: len(covered)] / table.grid.area_ratio
+    room = table.grid.fragment_area[: len(covered)] / table.voxels.area_ratio
     assert (covered / room).max() < 1.02
     inner = np.abs(table.world_fragments[:, :2]).max(1) < 0.4
     inner &= table.grid.fragment_normal[:, 2] > 0.9

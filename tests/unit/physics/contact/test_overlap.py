@@ -5,7 +5,7 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
-from jaxthermo.physics.contact.overlap import find_overlaps
+from jaxthermo.physics.contact.overlap import Overlap, find_overlaps
 from jaxthermo.physics.contact.rays import PlacedGrid
 from tests.bodies import blocks
 
@@ -36,6 +36,7 @@ def test_two_boxes_overlap_by_a_slab(depth, turned):
     neighbour = Pose((x, y, z), frame.rotation)
     placed = (PlacedGrid(CUBE, frame), PlacedGrid(CUBE, neighbour))
     (overlap,) = find_overlaps(placed).values()
+    assert isinstance(overlap, Overlap)
     assert overlap.depth == pytest.approx(depth, rel=1e-9)
     # Counted by the centres of voxels.
     assert overlap.volume == pytest.approx(0.01 * depth, abs=0.51 * 0.01 * 0.01)
@@ -95,6 +96,7 @@ def test_a_body_in_a_cavity_is_not():
     assert overlaps(HOLLOW, FINE, (0.03, 0.03, 0.03)) == {}
     assert overlaps(HOLLOW, FINE, (0.02, 0.02, 0.03)) == {}
     (overlap,) = overlaps(HOLLOW, FINE, (0.005, 0.03, 0.03)).values()
+    assert isinstance(overlap, Overlap)
     assert overlap.depth == pytest.approx(0.015, rel=1e-9)
     assert overlap.smaller == 1 and overlap.fraction == pytest.approx(0.4, abs=0.06)
 
