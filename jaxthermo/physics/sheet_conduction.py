@@ -9,7 +9,8 @@ of the area A with
 
     G = A / (R_back + R_front)    [W/K],
 
-their resistances from the common face (see `sheets.through`). Where parts of several
+their resistances from the common face (see `sheets.through`): the columns of
+`network.columns`, which do not shorten explicit steps. Where parts of several
 stacks meet in a node, their conductances and capacities add up.
 """
 
@@ -24,11 +25,11 @@ from ..arrays import device_array, product
 from ..network.link_operator import row_layout, row_network
 from ..network.network import AbstractNetwork
 from ..structures.kinds.sheet import Sheet
+from .column_conduction import column_network
 
 
 def sheet_network(sheet: Sheet, dtype: Any) -> AbstractNetwork:
     """Network of a sheet, from the values of its layers."""
-    layout = sheet.found("row_layout", lambda: _layout(sheet))
     geometry = sheet.found(
         ("sheet_geometry", np.dtype(dtype).name), lambda: _geometry(sheet, dtype)
     )
@@ -40,11 +41,17 @@ def sheet_network(sheet: Sheet, dtype: Any) -> AbstractNetwork:
     )
     weight, area = geometry
     part = sheet.grid.cells.links.part
-    conductance = [(along.T[:, part] * weight[None]).reshape(-1)]
-    through = 1 / (to_back[:, :-1] + to_front[:, 1:])
-    conductance.append(product(area, through).T.reshape(-1))
+    along_surface = (along.T[:, part] * weight[None]).reshape(-1)
     node_capacity = product(area, capacity).T.reshape(-1)
-    return row_network(layout, jnp.concatenate(conductance), node_capacity)
+    through = product(area, 1 / (to_back[:, :-1] + to_front[:, 1:])).T.reshape(-1)
+    conductance = jnp.concatenate([along_surface, through])
+    columns = sheet.columns()
+    if columns is None:
+        layout = sheet.found("row_layout", lambda: _layout(sheet))
+        return row_network(layout, conductance, node_capacity)
+    return column_network(
+        sheet, columns=columns, conductance=conductance, capacity=node_capacity
+    )
 
 
 def _layout(sheet: Sheet) -> Any:

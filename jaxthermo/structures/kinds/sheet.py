@@ -26,7 +26,7 @@ from ...sheets.through import (
     divided,
 )
 from ...voxels.selection import AbstractSpace
-from ..structure import AbstractStructure, Links, Nodes
+from ..structure import AbstractStructure, ColumnLayout, Links, Nodes
 from ..weights import ConductionWeights
 
 
@@ -214,6 +214,19 @@ class Sheet(AbstractStructure):
             area=np.append(area, no_distance),
             distance_src=np.append(half, no_distance),
             distance_dst=np.append(half, no_distance),
+        )
+
+    @override
+    def columns(self) -> ColumnLayout | None:
+        n = self.surface_cells
+        inner = self.cells_through - 1
+        if not inner:
+            return None
+        along = (inner + 1) * len(self.grid.cells.links.src)
+        return ColumnLayout(
+            link=along + np.arange(inner * n).reshape(inner, n),
+            hub=inner * n + np.arange(n),
+            are_linked=True,
         )
 
     @override
