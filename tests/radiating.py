@@ -84,12 +84,5 @@ def heat_into(binding: Binding) -> np.ndarray:
 
 
 def in_patches(grid: VoxelGrid, max_patches: int, pose=STANDING) -> PatchedBody:
-    patches = group_patches(
-        grid.fragment_position,
-        normal=grid.fragment_normal,
-        area=grid.fragment_area,
-        lattice=grid.lattice,
-        max_patches=max_patches,
-        cavities=grid.cavities,
-    )
-    return PatchedBody.of_mesh(grid.mesh, patches, pose)
+    patches = group_patches(grid, area=grid.fragment_area, max_patches=max_patches)
+    return PatchedBody.of_grid(grid, patches, pose)

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..memo.found import found
 from ..voxels.abstract_grid import AbstractGrid
-from ..voxels.cavities import Cavities
+from ..voxels.cavities import AbstractCavities
 from ..voxels.fractions import area_fractions
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
@@ -436,13 +436,15 @@ def _enclosed(
 
 
 def _surrounding(
-    cavities: Cavities, around: Pose, grid: AbstractGrid, pose: Pose
+    cavities: AbstractCavities, around: Pose, grid: AbstractGrid, pose: Pose
 ) -> Int[np.ndarray, " s"]:
     """Cavity of another body in which each fragment is, 0 or -1 for none."""
     # The voxels of a wall may cover a fragment that is closer to it than a voxel. Half
     # a voxel further inside its own body, the fragment is outside of them.
     faced = np.full(len(grid.fragment_area), -1)
-    for depth in (0.5, 0.0, -0.5):
+    # A thin wall is seen from just in front of either face.
+    depths = (-1e-3, -0.5) if grid.is_two_sided else (0.5, 0.0, -0.5)
+    for depth in depths:
         solid = np.flatnonzero(faced < 0)
         inward = depth * grid.pitch * grid.fragment_normal[solid]
         position = pose.to_world(grid.fragment_position[solid] - inward)

@@ -6,15 +6,17 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import KDTree
 from typing_extensions import override
 from wadler_lindig import TextDoc
 
 from ..geometry.mesh import Mesh
-from ..geometry.vectors import triangle_normals
+from ..geometry.vectors import triangle_normals, unit_vectors
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.lattice import Lattice
 from ..voxels.selection import FACES, AbstractSelection, AbstractSpace, SurfaceSamples
 from .cells import SheetCells, corner_thirds
+from .insides import SheetInsides, find_insides
 
 
 FRONT = FACES.index("front")
@@ -22,6 +24,10 @@ BACK = FACES.index("back")
 
 # Edge of a square within a fragment, over that of one of its area.
 _INSCRIBED = 0.8
+
+_AHEAD = 1e-6
+"""Distance from the surface at which a point is on one side of it, over the diagonal of
+the mesh [-]."""
 
 
 class SheetThirds(NamedTuple):
@@ -93,6 +99,57 @@ class SheetGrid(AbstractGrid):
     @override
     def fragment_face(self) -> Int[np.ndarray, " s"]:
         return np.repeat([FRONT, BACK], len(self.fragment_area) // 2)
+
+    @cached_property
+    @override
+    def cavities(self) -> SheetInsides | None:
+        return find_insides(self.cells.vertices, self.cells.faces)
+
+    @cached_property
+    @override
+    def fragment_cavity(self) -> Int[np.ndarray, " s"]:
+        if self.cavities is None:
+            return np.zeros(len(self.fragment_area), int)
+        # Fragments combine pieces of triangles: their centres are near the surface, but
+        # not on it. The nearest triangle of like normal is.
+        cells = self.cells
+        corners = cells.vertices[cells.faces]
+        normal = unit_vectors(triangle_normals(corners))
+        centre = np.concatenate([corners.mean(axis=1), self.pitch * normal], axis=1)
+        half = len(self.fragment_area) // 2
+        front = np.concatenate(
+            [self.fragment_position[:half], self.pitch * self.fragment_normal[:half]],
+            axis=1,
+        )
+        _, triangle = KDTree(centre).query(front)
+        return self._cavity_ahead(triangle).T.reshape(-1)
+
+    @property
+    @override
+    def fragment_space(self) -> Int[np.ndarray, " s"]:
+        return 2 * self.fragment_cavity + self.fragment_face
+
+    @cached_property
+    def traced_faces(self) -> Int[np.ndarray, " f"]:
+        """Faces of the mesh that are surface: others are double or have no area."""
+        return np.unique(self.cells.face_origin)
+
+    @cached_property
+    def face_space(self) -> Int[np.ndarray, "f 2"]:
+        """Space, as in `fragment_space`, on both sides of each of `traced_faces`."""
+        _, piece = np.unique(self.cells.face_origin, return_index=True)
+        return 2 * self._cavity_ahead(piece) + [FRONT, BACK]
+
+    def _cavity_ahead(self, triangle: Int[np.ndarray, " t"]) -> Int[np.ndarray, "t 2"]:
+        """Number of the cavity in front of and behind triangles of the cells."""
+        if self.cavities is None:
+            return np.zeros((len(triangle), 2), int)
+        corners = self.cells.vertices[self.cells.faces[triangle]]
+        size = np.linalg.norm(np.ptp(self.mesh.bounds, axis=0))
+        ahead = _AHEAD * size * unit_vectors(triangle_normals(corners))
+        centre = corners.mean(axis=1)
+        at = self.cavities.at(np.concatenate([centre + ahead, centre - ahead]))
+        return at.reshape(2, -1).T
 
     @override
     def selected_fraction(

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
-from .cavities import Cavities
+from .cavities import AbstractCavities
 from .lattice import Lattice
 from .represented import Represented
 from .selection import AbstractSelection, FragmentCentres
@@ -74,7 +74,7 @@ class AbstractGrid(abc.ABC):
         )
 
     @property
-    def cavities(self) -> Cavities | None:
+    def cavities(self) -> AbstractCavities | None:
         """Closed cavities of the body; None if there are none."""
         return None
 
@@ -82,6 +82,14 @@ class AbstractGrid(abc.ABC):
     def fragment_cavity(self) -> Int[np.ndarray, " s"]:
         """Number of the closed cavity that each fragment faces; 0 for none."""
         return np.zeros(len(self.fragment_area), int)
+
+    @property
+    def fragment_space(self) -> Int[np.ndarray, " s"]:
+        """Number of the space in front of each fragment.
+
+        Each cavity is a space, and so is each face of a thin wall.
+        """
+        return self.fragment_cavity
 
     @cached_property
     def cavity_area(self) -> float:

@@ -4,12 +4,14 @@ What comes from outside, such as air, sun and surroundings, acts on no surface i
 An opening narrower than a voxel may be closed in the voxels.
 """
 
+import abc
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 from jaxtyping import Bool, Float, Int, Int32
+from typing_extensions import override
 
 from ..host_memory import require_memory
 from .lattice import Lattice
@@ -22,8 +24,21 @@ _SOLID = -1
 _OUTSIDE = 0
 
 
+class AbstractCavities(abc.ABC):
+    """Parts of space that a body encloses, in its own frame, numbered from 1."""
+
+    @property
+    @abc.abstractmethod
+    def count(self) -> int:
+        """Number of cavities."""
+
+    @abc.abstractmethod
+    def at(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
+        """Number of the cavity around each point [m]; 0 outside, -1 in the body."""
+
+
 @dataclass(frozen=True, eq=False)
-class Cavities:
+class Cavities(AbstractCavities):
     """The closed cavities of a body, in its own frame, as runs of voxels along z.
 
     An array with a number for each voxel would be the largest one of a body.
@@ -40,12 +55,12 @@ class Cavities:
     """Number of the cavity of each run, from 1."""
 
     @property
+    @override
     def count(self) -> int:
-        """Number of cavities."""
         return int(self.number.max())
 
+    @override
     def at(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
-        """Number of the cavity around each point [m]; 0 outside, -1 in the body."""
         return self._of_cells(np.floor(self.lattice.to_cells(points)).astype(int))
 
     def _of_cells(self, cells: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:

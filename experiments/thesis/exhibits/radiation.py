@@ -121,14 +121,8 @@ def measure_neighbours(
 
 def _patched(cube: jt.VoxelGrid, shift: float) -> PatchedBody:
     pose = jt.Pose(translation=(shift, 0.0, 0.0))
-    patches = group_patches(
-        cube.fragment_position,
-        cube.fragment_normal,
-        cube.fragment_area,
-        cube.lattice,
-        _PATCHES,
-    )
-    return PatchedBody.of_mesh(cube.mesh, patches, pose)
+    patches = group_patches(cube, area=cube.fragment_area, max_patches=_PATCHES)
+    return PatchedBody.of_grid(cube, patches, pose)
 
 
 def neighbour_chart(rows: Sequence[dict[str, float]]) -> Chart:

@@ -7,8 +7,9 @@ along it, in both directions, and its first and last surface see the surrounding
     A_i F_ij = integral over directions of dw/pi, over the lines of dA, of [i sees j],
 
 with as many views as directions, no lines of its own for any patch, symmetric by
-construction, and obstacles are found by the same sort that orders the layers. Source:
-the global lines of Sbert, Comput. Graph. Forum 12(3) (1993).
+construction, and obstacles are found by the same sort that orders the layers. A thin
+wall is entered and left at one point, through both of its faces. Source: the global
+lines of Sbert, Comput. Graph. Forum 12(3) (1993).
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,6 +39,10 @@ class _Scene(NamedTuple):
     faces: Int[np.ndarray, "f 3"]
     normal: Float[np.ndarray, "f 3"]
     body: Int[np.ndarray, " f"]
+    is_thin: Bool[np.ndarray, " f"]
+    """True for faces of thin walls, both of whose sides are surfaces."""
+    first_face: Int[np.ndarray, " b"]
+    """Index of each body's first face among all faces."""
     first: Int[np.ndarray, " b"]
     """Index of each body's first patch among all patches."""
     count: int
@@ -46,11 +51,16 @@ class _Scene(NamedTuple):
 def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
     vertices, faces = joined([(body.vertices, body.faces) for body in bodies])
     counts = [body.patches.count for body in bodies]
+    face_counts = [len(body.faces) for body in bodies]
     return _Scene(
         vertices=vertices,
         faces=faces,
         normal=triangle_normals(vertices[faces]),
-        body=np.repeat(np.arange(len(bodies)), [len(body.faces) for body in bodies]),
+        body=np.repeat(np.arange(len(bodies)), face_counts),
+        is_thin=np.repeat(
+            [body.face_space is not None for body in bodies], face_counts
+        ),
+        first_face=np.cumsum([0, *face_counts[:-1]]),
         first=np.cumsum([0, *counts[:-1]]),
         count=sum(counts),
     )
@@ -136,33 +146,67 @@ def _strip(views: Sequence[OrthographicView]) -> _Strip:
     )
 
 
-def _hits(
+class _Hits(NamedTuple):
+    """Surfaces along the lines of a view, in the order of their depth."""
+
+    pixel: Int[np.ndarray, " k"]
+    """Line."""
+    point: Float[np.ndarray, "k 3"]
+    """Position in the world [m]."""
+    triangle: Int[np.ndarray, " k"]
+    enters: Bool[np.ndarray, " k"]
+    """True where the line leads into the surface, False where it leads out of it."""
+    is_behind: Bool[np.ndarray, " k"]
+    """True for the back of a thin wall."""
+
+
+def _hits(strip: _Strip, scene: _Scene) -> _Hits:
+    layers = peel(strip.project(scene), width=strip.width, height=strip.height)
+    view, triangle = np.divmod(layers.triangle, len(scene.faces))
+    is_thin = scene.is_thin[triangle]
+    hit = np.repeat(np.arange(len(triangle)), 1 + is_thin)
+    is_second = np.append(False, hit[1:] == hit[:-1])[: len(hit)]
+    turned = layers.entering[hit]
+    enters = np.where(is_thin[hit], ~is_second, turned)
+    return _Hits(
+        pixel=layers.pixel[hit],
+        point=strip.points(layers, view)[hit],
+        triangle=triangle[hit],
+        enters=enters,
+        is_behind=enters != turned,
+    )
+
+
+def _patches(
     bodies: tuple[PatchedBody, ...],
     scene: _Scene,
-    point: Float[np.ndarray, "k 3"],
-    triangle: Int[np.ndarray, " k"],
+    hits: _Hits,
     open_gap: Bool[np.ndarray, " g"],
 ) -> Int[np.ndarray, " k"]:
-    """Patch of each fragment, from its position in the world [m]."""
-    body = scene.body[triangle]
-    patch = np.zeros(len(point), int)
+    """Patch of each hit."""
+    body = scene.body[hits.triangle]
+    outward = scene.normal[hits.triangle] * np.where(hits.is_behind, -1, 1)[:, None]
+    patch = np.zeros(len(body), int)
     for number, patched in enumerate(bodies):
-        hits = np.flatnonzero(body == number)
+        on_body = np.flatnonzero(body == number)
         pose = patched.pose
-        cavity = None
-        if patched.patches.cavities is not None:
-            cavity = _cavity_ahead(
+        space = None
+        if patched.face_space is not None:
+            face = hits.triangle[on_body] - scene.first_face[number]
+            space = patched.face_space[face, hits.is_behind[on_body].astype(int)]
+        elif patched.patches.cavities is not None:
+            space = _cavity_ahead(
                 patched.patches.cavities,
-                point=pose.to_body(point),
-                normal=pose.rotate_back(scene.normal[triangle]),
+                point=pose.to_body(hits.point),
+                normal=pose.rotate_back(outward),
                 open_gap=open_gap,
-            )[hits]
+            )[on_body]
         patch_in_body = patched.patches.patch_of(
-            pose.to_body(point[hits]),
-            normals=pose.rotate_back(scene.normal[triangle[hits]]),
-            cavity=cavity,
+            pose.to_body(hits.point[on_body]),
+            normals=pose.rotate_back(outward[on_body]),
+            space=space,
         )
-        patch[hits] = scene.first[number] + patch_in_body
+        patch[on_body] = scene.first[number] + patch_in_body
     return patch
 
 
@@ -218,21 +262,13 @@ def _count_lines(
 
     Several views must each show the whole scene.
     """
-    strip = _strip(views)
-    layers = peel(strip.project(scene), width=strip.width, height=strip.height)
-    same = layers.pixel[1:] == layers.pixel[:-1]
-    enters = layers.entering
-    # Consecutive fragments of a line face each other across empty space where the first
-    # is left and the second entered.
+    hits = _hits(_strip(views), scene)
+    same = hits.pixel[1:] == hits.pixel[:-1]
+    enters = hits.enters
+    # Consecutive hits of a line face each other across empty space where the first
+    # surface is left and the second entered.
     open_gap: Bool[np.ndarray, " g"] = same & ~enters[:-1] & enters[1:]
-    view, triangle = np.divmod(layers.triangle, len(scene.faces))
-    patch = _hits(
-        bodies,
-        scene=scene,
-        point=strip.points(layers, view),
-        triangle=triangle,
-        open_gap=open_gap,
-    )
+    patch = _patches(bodies, scene=scene, hits=hits, open_gap=open_gap)
     first = np.append(True, ~same)
     last = np.append(~same, True)
     numbers = patch[:-1][open_gap] * scene.count + patch[1:][open_gap]

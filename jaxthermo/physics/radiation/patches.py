@@ -1,6 +1,7 @@
 """Patches of a body's surface: fragments of one grid cell that face one side.
 
-Fragments that face a closed cavity never share a patch with those that face outward.
+Fragments that face different spaces never share a patch: the outside, a closed cavity,
+or the other face of a thin wall.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
-from ...geometry.mesh import Mesh, Pose
+from ...geometry.mesh import Pose
+from ...sheets.sheet_grid import SheetGrid
+from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.cavities import Cavities
 from ...voxels.lattice import Lattice
 
@@ -32,7 +35,7 @@ class _Cells:
 
     @property
     def period(self) -> int:
-        """Difference between the codes of one cavity and those of the next."""
+        """Difference between the codes of one room and those of the next."""
         return _SIDES * int(np.prod([n // self.voxels + 1 for n in self.lattice.shape]))
 
     def codes(
@@ -68,8 +71,12 @@ class _Patches:
     """Room, cell and side of each patch, increasing."""
     cells: _Cells
     cavities: Cavities | None
+    """Closed cavities between voxels."""
     room: Int[np.ndarray, " r"]
-    """Room of the outside, 0, and of each cavity: the small ones count as outside."""
+    """Room of each space, see `AbstractGrid.fragment_space`: 0 for the outside and for
+    small spaces, which count as outside."""
+    is_enclosed: Bool[np.ndarray, " r"]
+    """True for spaces in a closed cavity."""
 
     @property
     def count(self) -> int:
@@ -79,20 +86,21 @@ class _Patches:
     @property
     def enclosed(self) -> Bool[np.ndarray, " p"]:
         """True for patches in a closed cavity."""
-        return self.code >= self.cells.period
+        enclosed_rooms = self.room[self.is_enclosed & (self.room > 0)]
+        return np.isin(self.code // self.cells.period, enclosed_rooms)
 
     def patch_of(
         self,
         points: Float[np.ndarray, "n 3"],
         normals: Float[np.ndarray, "n 3"],
-        cavity: Int[np.ndarray, " n"] | None = None,
+        space: Int[np.ndarray, " n"] | None = None,
     ) -> Int[np.ndarray, " n"]:
         """Patch of each point on the surface; the nearest in a cell without patches.
 
-        `cavity` is the number of the cavity that each point faces; None if all points
+        `space` is the number of the space that each point faces; None if all points
         face outward.
         """
-        rooms = np.zeros(len(points), int) if cavity is None else self.room[cavity]
+        rooms = np.zeros(len(points), int) if space is None else self.room[space]
         code = self.cells.codes(points, normals, rooms)
         slot = np.minimum(np.searchsorted(self.code, code), self.count - 1)
         missing = np.flatnonzero(self.code[slot] != code)
@@ -121,42 +129,58 @@ class PatchedBody(NamedTuple):
     """Counter-clockwise seen from outside."""
     patches: _Patches
     pose: Pose = Pose()
+    face_space: Int[np.ndarray, "f 2"] | None = None
+    """Space in front of and behind each face of a thin wall; None for a solid."""
 
     @classmethod
-    def of_mesh(cls, mesh: Mesh, patches: _Patches, pose: Pose) -> "PatchedBody":
-        """A mesh in the body's frame at a place in the world."""
+    def of_grid(
+        cls, grid: AbstractGrid, patches: _Patches, pose: Pose
+    ) -> "PatchedBody":
+        """The mesh of a body at a place in the world."""
+        mesh = grid.mesh
+        mesh_faces = mesh.faces
+        face_space = None
+        if isinstance(grid, SheetGrid):
+            mesh_faces = mesh_faces[grid.traced_faces]
+            face_space = grid.face_space
         # Scanners leave strays far away, which are no part of what a view shows.
         used = np.zeros(len(mesh.vertices), bool)
-        used[mesh.faces.reshape(-1)] = True
+        used[mesh_faces.reshape(-1)] = True
         number = np.cumsum(used) - 1
-        vertices = pose.to_world(mesh.vertices[used])
-        return cls(vertices, number[mesh.faces], patches, pose)
+        return cls(
+            vertices=pose.to_world(mesh.vertices[used]),
+            faces=number[mesh_faces],
+            patches=patches,
+            pose=pose,
+            face_space=face_space,
+        )
 
 
 def group_patches(
-    position: Float[np.ndarray, "s 3"],
-    normal: Float[np.ndarray, "s 3"],
-    area: Float[np.ndarray, " s"],
-    lattice: Lattice,
-    max_patches: int,
-    cavities: Cavities | None = None,
+    grid: AbstractGrid, *, area: Float[np.ndarray, " s"], max_patches: int
 ) -> _Patches:
     """Finest patches of a body whose number does not exceed `max_patches`.
 
-    Positions [m], unit normals and areas above 0 [m^2] are those of its fragments, in
-    the body's frame. Each closed cavity may have six more.
+    Each closed cavity, and the back of thin walls, may have six more.
+
+    Args:
+        grid: surface of the body.
+        area: of its fragments that other surfaces see, above 0 [m^2].
+        max_patches: number of patches.
 
     Raises:
         InputError: for fewer than six: a closed surface faces all six sides.
     """
     if max_patches < 6:
         raise InputError(f"{max_patches} patches a body: give 6 or more, such as 128")
-    room = np.zeros(1, int)
-    rooms = np.zeros(len(area), int)
-    if cavities is not None:
-        cavity = cavities.faced(position, normal)
-        room = _rooms(np.bincount(cavity, area, cavities.count + 1), max_patches)
-        rooms = room[cavity]
+    position = grid.fragment_position
+    normal = grid.fragment_normal
+    lattice = grid.lattice
+    sides = 2 if grid.is_two_sided else 1
+    cavities = 0 if grid.cavities is None else grid.cavities.count
+    space = grid.fragment_space
+    room = _rooms(np.bincount(space, area, sides * (cavities + 1)), max_patches)
+    rooms = room[space]
     max_patches += _SIDES * int(room.max())
     longest = max(lattice.shape)
     cells = _Cells(lattice, longest)
@@ -177,13 +201,14 @@ def group_patches(
         centre=centre,
         code=code,
         cells=cells,
-        cavities=cavities,
+        cavities=grid.cavities if isinstance(grid.cavities, Cavities) else None,
         room=room,
+        is_enclosed=np.arange(len(room)) >= sides,
     )
 
 
 def _rooms(area: Float[np.ndarray, " c"], max_patches: int) -> Int[np.ndarray, " c"]:
-    """Number of the room of the outside, 0, and of each cavity, by area [m^2]."""
+    """Room of each space, from the areas in them [m^2]; 0 for the first space."""
     # Voxels of a folded surface may enclose very many tiny cavities: the largest have
     # patches of their own, no more than the outside has.
     largest = np.argsort(-area[1:], kind="stable")[: max_patches // _SIDES] + 1

@@ -198,15 +198,8 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
         numbers = []
         first = 0
         for body, area in zip(bodies, areas, strict=True):
-            patches = group_patches(
-                body.own_position,
-                normal=body.own_normal,
-                area=area,
-                lattice=body.grid.lattice,
-                max_patches=self.max_patches,
-                cavities=body.grid.cavities,
-            )
-            patched.append(PatchedBody.of_mesh(body.grid.mesh, patches, body.pose))
+            patches = group_patches(body.grid, area=area, max_patches=self.max_patches)
+            patched.append(PatchedBody.of_grid(body.grid, patches, body.pose))
             numbers.append(patches.patch + first)
             first += patches.count
         if self.directions is None:
