@@ -94,11 +94,19 @@ class BodySurface:
     scene_triangles: Float[np.ndarray, "f 3 3"]
     """Triangles of every body, world [m]: what may cast a shadow."""
     dtype: Any
-    enclosed: Bool[np.ndarray, " s"] | None = None
-    """Fragments in closed cavities, which nothing from outside reaches; None if there
-    are no cavities."""
+    enclosing: Int[np.ndarray, " s"] | None = None
+    """Number of the body in whose closed cavity each fragment is, -1 for none; None if
+    all are outside."""
     prune: bool = True
     """False to keep terms that have no effect, for tests."""
+
+    @cached_property
+    def enclosed(self) -> Bool[np.ndarray, " s"] | None:
+        """Fragments in closed cavities, which nothing from outside reaches.
+
+        None if there are none.
+        """
+        return None if self.enclosing is None else self.enclosing >= 0
 
     @property
     def pitch(self) -> float:
@@ -393,28 +401,36 @@ def scene_triangles(placed: list[_PlacedSurface]) -> Float[np.ndarray, "f 3 3"]:
     return found(triangles, "triangles", lambda: np.concatenate(triangles))
 
 
-def enclosed_fragments(
+def enclosing_bodies(
     grids: tuple[AbstractGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
-) -> list[Bool[np.ndarray, " _"] | None]:
-    """Fragments of each body in a closed cavity, of its own or another body.
+) -> list[Int[np.ndarray, " _"] | None]:
+    """Number of the body in whose closed cavity each fragment is; -1 for none.
+
+    A fragment in the cavity of a body in the cavity of another one is in the inner one.
 
     Args:
         grids: of the bodies.
         poses: of the bodies.
         inside: "open" for each body whose cavities are open to the outside.
+
+    Returns:
+        The numbers for each body; None for one that is outside of all others.
     """
     return found(
         grids,
-        ("enclosed", tuple(pose.key for pose in poses), inside),
-        lambda: _enclosed(grids, poses, inside),
+        ("enclosing", tuple(pose.key for pose in poses), inside),
+        lambda: _enclosing(grids, poses, inside),
     )
 
 
-def _enclosed(
+def _enclosing(
     grids: tuple[AbstractGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
-) -> list[Bool[np.ndarray, " _"] | None]:
-    enclosed: list[Bool[np.ndarray, " _"] | None] = [None] * len(grids)
-    for number, around in enumerate(grids):
+) -> list[Int[np.ndarray, " _"] | None]:
+    enclosing: list[Int[np.ndarray, " _"] | None] = [None] * len(grids)
+    size = [np.linalg.norm(np.ptp(grid.mesh.bounds, axis=0)) for grid in grids]
+    # Smaller bodies last: they may be in the larger ones.
+    for number in np.argsort(size)[::-1]:
+        around = grids[number]
         if inside[number] == "open" or around.cavities is None:
             continue
         for other_number, grid in enumerate(grids):
@@ -426,13 +442,12 @@ def _enclosed(
                     grid=grid,
                     pose=poses[other_number],
                 )
-            is_inside = faced > 0
-            previous = enclosed[other_number]
-            if previous is not None:
-                is_inside = previous | is_inside
-            if is_inside.any():
-                enclosed[other_number] = is_inside
-    return enclosed
+            if not (faced > 0).any():
+                continue
+            previous = enclosing[other_number]
+            outer = -1 if previous is None else previous
+            enclosing[other_number] = np.where(faced > 0, number, outer)
+    return enclosing
 
 
 def _surrounding(

@@ -21,7 +21,7 @@ from ..voxels.cavities import AbstractCavities
 _PAIRS = 2**20
 """Pairs of a ray and a triangle that are computed at once."""
 
-_FRAMES = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3, 3)))[0]
+_FRAMES = np.asarray(np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3, 3))).Q)
 """Frames whose last axes are the directions of the rays of a point.
 
 The odd one out of three has met an edge within rounding.
@@ -86,7 +86,7 @@ class _View(NamedTuple):
         seen = points @ self.frame.T
         cell = np.floor((seen[:, :2] - self.lower) / self.square).astype(int)
         within = np.flatnonzero(((cell >= 0) & (cell < self.squares)).all(axis=1))
-        flat = cell[within] @ [self.squares, 1]
+        flat = cell[within, 0] * self.squares + cell[within, 1]
         count = self.first[flat + 1] - self.first[flat]
         chunk = np.cumsum(count) // _PAIRS
         for number in range(int(chunk[-1]) + 1 if len(chunk) else 0):
@@ -136,7 +136,9 @@ def _is_crossed(
 ) -> Bool[np.ndarray, " k"]:
     """Flag triangles that the rays upward from points cross, pair by pair."""
     offset = corners - start[:, None]
-    x, y, z = np.moveaxis(offset, 2, 0)
+    x = offset[:, :, 0]
+    y = offset[:, :, 1]
+    z = offset[:, :, 2]
     # Twice the areas between the ray and each edge, of one sign around the ray.
     edge = x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y
     around = (edge >= 0).all(axis=1) | (edge < 0).all(axis=1)

@@ -122,7 +122,7 @@ class SheetGrid(AbstractGrid):
             axis=1,
         )
         _, triangle = KDTree(centre).query(front)
-        return self._cavity_ahead(triangle).T.reshape(-1)
+        return self._cavity_ahead(np.asarray(triangle)).T.reshape(-1)
 
     @property
     @override

@@ -236,6 +236,11 @@ class Face(_AbstractOnOneBody):
         if self.name not in FACES:
             raise InputError(f'Face({self.name!r}): give "front" or "back"')
 
+    @property
+    @override
+    def is_geometric(self) -> bool:
+        return False
+
     @override
     def select(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
         if fragments.face is None:

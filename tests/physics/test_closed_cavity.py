@@ -107,7 +107,7 @@ def test_the_receipt_says_so():
     assert surface_part.area == pytest.approx(area[~INNER].sum())
     (note,) = told(receipt)
     assert note == (
-        f"{100 * area[INNER].sum() / area.sum():.2g} % of the surface of body 0 faces "
+        f"{100 * area[INNER].sum() / area.sum():.3g} % of the surface of body 0 faces "
         "closed cavities: air, sun and surroundings act there only with `inside: open`"
     )
     assert told(compiled(FROM_OUTSIDE["convection"], "open").receipt) == []

@@ -177,16 +177,26 @@ def _hits(strip: _Strip, scene: _Scene) -> _Hits:
     )
 
 
-def _patches(
+class _Met(NamedTuple):
+    """Surfaces that the hits are on."""
+
+    patch: Int[np.ndarray, " k"]
+    thin_body: Int[np.ndarray, " k"]
+    """Number of the body of a thin wall; -1 for a solid."""
+    cavity: Int[np.ndarray, " k"]
+    """Number of the cavity of that body that the hit is in; 0 outside."""
+
+
+def _met(
     bodies: tuple[PatchedBody, ...],
     scene: _Scene,
     hits: _Hits,
     open_gap: Bool[np.ndarray, " g"],
-) -> Int[np.ndarray, " k"]:
-    """Patch of each hit."""
+) -> _Met:
     body = scene.body[hits.triangle]
     outward = scene.normal[hits.triangle] * np.where(hits.is_behind, -1, 1)[:, None]
     patch = np.zeros(len(body), int)
+    cavity = np.zeros(len(body), int)
     for number, patched in enumerate(bodies):
         on_body = np.flatnonzero(body == number)
         pose = patched.pose
@@ -194,6 +204,7 @@ def _patches(
         if patched.face_space is not None:
             face = hits.triangle[on_body] - scene.first_face[number]
             space = patched.face_space[face, hits.is_behind[on_body].astype(int)]
+            cavity[on_body] = space // 2
         elif patched.patches.cavities is not None:
             space = _cavity_ahead(
                 patched.patches.cavities,
@@ -207,7 +218,31 @@ def _patches(
             space=space,
         )
         patch[on_body] = scene.first[number] + patch_in_body
-    return patch
+    thin_body = np.where(scene.is_thin[hits.triangle], body, -1)
+    return _Met(patch=patch, thin_body=thin_body, cavity=cavity)
+
+
+def _is_false(
+    scene: _Scene, hits: _Hits, met: _Met, gap: Bool[np.ndarray, " g"]
+) -> Bool[np.ndarray, " g"]:
+    """Flag gaps between two faces of a thin body that cannot see each other.
+
+    Close to an edge the two faces that meet there may follow each other in the wrong
+    order.
+    """
+    same_body = (met.thin_body[1:] == met.thin_body[:-1]) & (met.thin_body[1:] >= 0)
+    is_false = same_body & (met.cavity[1:] != met.cavity[:-1])
+    start = np.flatnonzero(gap & same_body & ~is_false)
+    corners = scene.vertices[scene.faces]
+    for near, far in ((start, start + 1), (start + 1, start)):
+        triangle = hits.triangle[near]
+        sign = np.where(hits.is_behind[near], -1.0, 1.0)
+        normal = sign[:, None] * scene.normal[triangle]
+        offset = corners[hits.triangle[far]] - corners[triangle, :1]
+        height = np.einsum("kci,ki->kc", offset, normal)
+        size = np.abs(offset).max(axis=(1, 2)) * np.abs(normal).max(axis=1)
+        is_false[start] |= height.max(axis=1) <= 1e-9 * size
+    return is_false
 
 
 def _cavity_ahead(
@@ -268,9 +303,12 @@ def _count_lines(
     # Consecutive hits of a line face each other across empty space where the first
     # surface is left and the second entered.
     open_gap: Bool[np.ndarray, " g"] = same & ~enters[:-1] & enters[1:]
-    patch = _patches(bodies, scene=scene, hits=hits, open_gap=open_gap)
-    first = np.append(True, ~same)
-    last = np.append(~same, True)
+    met = _met(bodies, scene=scene, hits=hits, open_gap=open_gap)
+    open_gap = open_gap & ~_is_false(scene, hits=hits, met=met, gap=open_gap)
+    is_outside = met.cavity == 0
+    first = np.append(True, ~same) & is_outside
+    last = np.append(~same, True) & is_outside
+    patch = met.patch
     numbers = patch[:-1][open_gap] * scene.count + patch[1:][open_gap]
     pairs = np.bincount(numbers, minlength=scene.count**2)
     return LineSums(

@@ -9,6 +9,7 @@ from ...geometry.nested import filled_inner_surfaces
 from ...memo.found import found
 from ...physics.surface import Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
+from ...sheets.sheet_grid import SheetGrid
 from ...structures.kinds.shell import SingleShell
 from ...structures.structure import AbstractStructure
 from ..body_mass import body_mass
@@ -218,16 +219,33 @@ def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     if not any(term.from_outside for term in surface_terms):
         return ()
     lines = []
-    for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
+    for number, surface in enumerate(snapshot.surface.bodies):
         grid = surface.grid
-        if body.inside == "open" or not grid.cavity_area:
+        if isinstance(grid, SheetGrid) and grid.cells.border:
+            lines.append(_open_sheet(number, grid))
+        if surface.enclosing is None:
             continue
-        fraction = 100 * grid.cavity_area / grid.fragment_area.sum()
-        lines.append(
-            f"{fraction:.2g} % of the surface of body {surface.body} faces closed "
-            "cavities: air, sun and surroundings act there only with `inside: open`"
-        )
+        total = grid.fragment_area.sum()
+        for around in np.unique(surface.enclosing[surface.enclosing >= 0]):
+            area = grid.fragment_area[surface.enclosing == around].sum()
+            of_body = "" if around == number else f" of body {around}"
+            lines.append(
+                f"{100 * area / total:.3g} % of the surface of body {number} faces "
+                f"closed cavities{of_body}: air, sun and surroundings act there only "
+                "with `inside: open`"
+            )
     return tuple(lines)
+
+
+def _open_sheet(number: int, grid: SheetGrid) -> str:
+    cells = grid.cells
+    seams = ""
+    if cells.open_seams:
+        seams = f", of which {cells.open_seams:.3g} m is a gap that `weld` may close"
+    return (
+        f"body {number} is a sheet with a border of {cells.border:.3g} m{seams}: what "
+        "has a border has no inside, and all terms act on both of its faces"
+    )
 
 
 def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from ...physics.surface import (
     BodySurface,
     Omitted,
     Surface,
-    enclosed_fragments,
+    enclosing_bodies,
     placed_surface,
     scene_triangles,
 )
@@ -37,7 +37,7 @@ from ...physics.term import (
     AbstractTerm,
 )
 from ...voxels.abstract_grid import AbstractGrid
-from ...voxels.selection import FragmentMask
+from ...voxels.selection import AbstractSelection
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
 from .claims import claimed_fragments
@@ -174,7 +174,7 @@ def _body_surfaces(
         for body, pose in zip(scene.bodies, poses, strict=True)
     ]
     shadow = scene_triangles(placed)
-    enclosed = enclosed_fragments(
+    enclosing = enclosing_bodies(
         tuple(body.structure.grid for body in scene.bodies),
         poses=poses,
         inside=tuple(body.inside for body in scene.bodies),
@@ -204,7 +204,7 @@ def _body_surfaces(
                 absorptivity=absorptivity,
                 scene_triangles=shadow,
                 dtype=dtype,
-                enclosed=enclosed[index],
+                enclosing=enclosing[index],
                 prune=prune,
             )
         )
@@ -234,8 +234,9 @@ def _exposed(
 
 def _reached(term: AbstractSurfaceTerm, surface: Surface) -> Surface:
     """The surface that a term reaches; terms from outside reach no closed cavity."""
-    # A mask names every single fragment, so it is applied as it is.
-    named = isinstance(getattr(term, "on", None), FragmentMask)
+    # A mask names every single fragment and a face one side: they apply as they are.
+    selection: AbstractSelection | None = getattr(term, "on", None)
+    named = selection is not None and not selection.is_geometric
     return surface.outside if term.from_outside and not named else surface
 
 

@@ -223,7 +223,7 @@ def test_a_body_that_moved_costs_its_contacts_and_nothing_of_its_structure(count
     calls, count = counted
     count(snapshots, "contacts_between")
     count(conduction, "row_layout")
-    count(surface, "_enclosed")
+    count(surface, "_enclosing")
 
     def pair(gap, k=16.0):
         lower = make_scene(structure, k).bodies[0]
@@ -232,7 +232,7 @@ def test_a_body_that_moved_costs_its_contacts_and_nothing_of_its_structure(count
         return jt.Scene((lower, upper), (SHADED, jt.Contact(500.0)), dtype="float64")
 
     run = jt.compile_simulation(pair(0.0), *TIMES, solver=EULER)
-    assert sorted(calls) == ["_enclosed", "contacts_between", "row_layout"]
+    assert sorted(calls) == ["_enclosing", "contacts_between", "row_layout"]
     assert run(pair(0.0, k=20.0)).receipt.searches == ()
     calls.clear()
     moved = run(pair(0.001))
