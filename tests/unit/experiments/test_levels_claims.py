@@ -47,3 +47,10 @@ def test_the_claims_hold_on_the_figurine(monkeypatch):
     for name in ("section-5.2-equilibrium", "section-6.1-holes"):
         found = measured(name)
         assert found.verdict is Verdict.REPRODUCED, found.numbers
+
+
+@pytest.mark.slow
+def test_a_sheet_is_right_where_a_hollow_shell_is_not():
+    finding = measured("section-5.2-walls")
+    assert finding.verdict is Verdict.REPRODUCED, finding.numbers
+    assert finding.numbers["sheet_percent"] < 1 < finding.numbers["shell_percent"]
