@@ -97,9 +97,8 @@ def test_a_sheet_that_is_wholly_covered_has_its_area():
     assert_allclose(pairs.coverage_a, faces(small) == FRONT, atol=1e-12)
 
 
-@pytest.mark.parametrize("pitch", [0.03, 0.1])
+@pytest.mark.parametrize(("pitch", "nodes"), [(0.04, "cells"), (0.1, "vertices")])
 @pytest.mark.parametrize("height", [0.0, 1e-9, -1e-9, 0.01, -0.01])
-@pytest.mark.parametrize("nodes", ["cells", "vertices"])
 def test_a_plate_touches_a_block_with_the_face_towards_it(pitch, height, nodes):
     block = placed(box_grid((1.2, 0.9, 0.1), 0.05))
     above = placed(
