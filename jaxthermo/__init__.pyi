@@ -98,6 +98,7 @@ from .physics.boundary import (
 )
 from .physics.contact.links import Contact as Contact, bonded as bonded
 from .physics.convection.free_convection import FreeConvection as FreeConvection
+from .physics.convection.interior_air import InteriorAir as InteriorAir
 from .physics.convection.wake import (
     FittedWake as FittedWake,
     WakeDeficit as WakeDeficit,

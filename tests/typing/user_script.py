@@ -55,6 +55,7 @@ air = (
     jt.FreeConvection(290.0),
     jt.RadiativeExchange(280.0),
 )
+inside = jt.InteriorAir(5.0, 295.0, body=0)
 heat = jt.HeatSource(5e3, within=jt.Everything() & ~middle)
 terms = (sun, lamp, panel, sky, wall, flux, wind, *air, heat, jt.bonded)
 scene = jt.Scene((body, moving), (*terms, jt.Contact(1e3, bodies=(0, 1))))

@@ -17,6 +17,7 @@ from ..types.files import FoundPath, read_solid
 from ..types.model import Mistake, Model, Short, build
 from ..types.varying import AnyFraction, not_increasing, unequal
 from .geometry import MeshConfig, PartsShape, PoseConfig, ShapeConfig
+from .interior import InteriorConfig
 from .material import (
     BodyMaterial,
     FinishName,
@@ -157,6 +158,8 @@ class BodyConfig(Model, builds="Body"):
     """Position in the scene, or a table of positions by time."""
     inside: Literal["closed", "open"] = "closed"
     """If open, air, sun and surroundings act in its closed cavities as well."""
+    interior: InteriorConfig | None = None
+    """Air in its closed cavities: inside a closed sheet, or a hollow solid."""
 
     exactly_one: ClassVar = (
         ("mesh", "shape", "solid"),
@@ -262,6 +265,11 @@ class BodyConfig(Model, builds="Body"):
         if self.solid is not None and self.voxels_high is not None:
             message = "the array has them: give the `pitch`"
             mistakes.append((("voxels_high",), message))
+        if self.interior is not None and self.inside == "open":
+            message = (
+                "outer air is in the cavities with `inside: open`: give one of both"
+            )
+            mistakes.append((("interior",), message))
         if self.solid is not None and self.surface_cells is not None:
             message = "an array of voxels has no surface but theirs: leave it out"
             mistakes.append((("surface_cells",), message))

@@ -25,7 +25,7 @@ _ABSENT = {
     "sun": ("the scene has no source", {"sun", "point_source", "area_source"}),
     "convection": (
         "the scene has no moving air or coefficient",
-        {"convection", "wind", "free_convection"},
+        {"convection", "wind", "free_convection", "interior_air"},
     ),
     "emission": ("the scene has no surroundings", {"emission"}),
 }
