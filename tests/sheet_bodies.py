@@ -49,7 +49,7 @@ def plate(length: float, width: float, divisions: int = 2) -> Mesh:
     return flat(grid.reshape(-1, 2))
 
 
-def badly_meshed_strip(length: float, width: float, seed: int = 3) -> Mesh:
+def badly_meshed_strip(length: float, width: float, seed: int = 0) -> Mesh:
     """A strip from x = 0 to its length, of few, long and thin triangles."""
     draw = np.random.default_rng(seed)
     inside = draw.uniform(size=(40, 2)) * [length, width]

@@ -185,18 +185,19 @@ def precise():
     return deviation
 
 
-_DEFAULT = ("solid", "default")
+_SLICE = ("solid", "default")
 _CASES = [
     pytest.param(
         company,
         solver,
-        marks=() if (company, solver) == _DEFAULT else pytest.mark.slow,
+        marks=pytest.mark.slice if (company, solver) == _SLICE else (),
     )
     for company in ("alone", "solid", "sheet")
     for solver in SOLVERS
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("company", "solver"), _CASES)
 def test_solvers_agree_on_all_mechanisms_at_once(precise, company, solver):
     assert precise(company, SOLVERS[solver]) < 0.1
