@@ -49,12 +49,19 @@ def _fields(name: str, schema: dict[str, Any]) -> str:
         rows.append("| " + " | ".join(row) + " |")
     rows.append("")
     groups = [
-        ", ".join(f"`{option['required'][0]}`" for option in group["oneOf"])
+        ", ".join(f"`{_key(option)}`" for option in group["oneOf"])
         for group in schema.get("allOf", [])
         if "oneOf" in group
     ]
     rows += [f"Exactly one of {group} is given.\n" for group in groups]
     return "\n".join(rows) if len(rows) > 3 or groups else "No fields.\n"
+
+
+def _key(condition: dict[str, Any]) -> str:
+    """The key that a condition requires, with a dot if it is in a nested mapping."""
+    (outer,) = condition["required"]
+    inner = condition.get("properties", {}).get(outer)
+    return outer if inner is None else f"{outer}.{_key(inner)}"
 
 
 def _value(name: str, field: dict[str, Any]) -> str:

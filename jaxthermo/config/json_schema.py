@@ -60,9 +60,16 @@ def _described(model: type[Model], schema: JsonSchemaValue) -> JsonSchemaValue:
         if text.strip():
             field["description"] = text.strip()
     one_of = [
-        {"oneOf": [{"required": [key]} for key in group]} for group in model.exactly_one
+        {"oneOf": [_requires(key) for key in group]} for group in model.exactly_one
     ]
     return schema | ({"allOf": one_of} if one_of else {})
+
+
+def _requires(key: str) -> dict[str, object]:
+    """The condition that a key is given, which may be in a nested mapping."""
+    outer, _, inner = key.partition(".")
+    nested = {"properties": {outer: _requires(inner)}} if inner else {}
+    return {"required": [outer], **nested}
 
 
 def _descriptions(thing: Any) -> dict[str, str]:

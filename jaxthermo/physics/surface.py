@@ -137,22 +137,32 @@ class BodySurface:
             )
         return self.grid
 
+    @cached_property
+    def _open(self) -> Bool[np.ndarray, " s"]:
+        """Fragments with a natural boundary that terms without a selection reach."""
+        reached = self.grid.reached_by(None)
+        return self.natural if reached is None else self.natural & reached
+
     def omitted(self, reason: str) -> Omitted:
         """An omission on this body."""
         return Omitted(reason, self.body)
 
     def selected(self, on: AbstractSelection | None) -> Bool[np.ndarray, " s"]:
-        """Fragments that `on` selects; all of them for None.
+        """Fragments that `on` selects; for None all of them but adiabatic ones.
 
         Raises:
             InputError: if it names this body and selects none of its surface.
         """
         if on is None:
-            return np.ones(len(self.own_position), bool)
+            reached = self.grid.reached_by(None)
+            return np.ones(len(self.own_position), bool) if reached is None else reached
         selection = on.on_body(self.body)
         if selection is None:
             return np.zeros(len(self.own_position), bool)
         selected = selection.select(self.grid.fragment_centres)
+        reached = self.grid.reached_by(selection)
+        if reached is not None:
+            selected = selected & reached
         if not selected.any():
             raise InputError(
                 f"on={selection!r} selects no surface of body {self.body}: check its "
@@ -190,7 +200,7 @@ class BodySurface:
         """Fragments among the selected ones that have a natural boundary."""
         # Without a selection this is the stored array itself, by whose identity the
         # results that were computed from it are recognized.
-        acting = self.natural
+        acting = self._open
         # The reasons are those of the receipt, in the order that a user would check.
         if selected is not None:
             if self.prune and not selected.any():

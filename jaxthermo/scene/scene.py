@@ -203,6 +203,11 @@ class Body(Module):
                     "Body(material=): the layers of a sheet have their materials: "
                     "leave it out"
                 )
+            if self.inside != "closed" and self.structure.grid.cavities is None:
+                raise InputError(
+                    "Body(inside=): this sheet is open and has no inside: terms reach "
+                    'its back unless it is Sheet(back="adiabatic")'
+                )
             return
         require(
             self.material,

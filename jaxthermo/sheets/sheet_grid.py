@@ -64,6 +64,8 @@ class SheetGrid(AbstractGrid):
     """Names of the parts; empty for a mesh without."""
     fragment_depth: Float[np.ndarray, " s"] | None = None
     unscaled_because: str = ""
+    has_adiabatic_back: bool = False
+    """True if only terms that name the back act on it."""
 
     def __repr__(self) -> str:
         return (
@@ -99,6 +101,11 @@ class SheetGrid(AbstractGrid):
     @override
     def fragment_face(self) -> Int[np.ndarray, " s"]:
         return np.repeat([FRONT, BACK], len(self.fragment_area) // 2)
+
+    @cached_property
+    @override
+    def adiabatic(self) -> Bool[np.ndarray, " s"] | None:
+        return self.fragment_face == BACK if self.has_adiabatic_back else None
 
     @cached_property
     @override
@@ -220,7 +227,10 @@ class SheetGrid(AbstractGrid):
 
 
 def sheet_grid(
-    mesh: Mesh, cells: SheetCells, part_names: tuple[str, ...] = ()
+    mesh: Mesh,
+    cells: SheetCells,
+    part_names: tuple[str, ...] = (),
+    has_adiabatic_back: bool = False,
 ) -> SheetGrid:
     """Fragments of both faces of the cells of a surface."""
     front = cells.fragments
@@ -235,4 +245,5 @@ def sheet_grid(
         fragment_surface_cell=np.concatenate([front.node, front.node]),
         fragment_part=np.concatenate([front.part, front.part]),
         part_names=part_names,
+        has_adiabatic_back=has_adiabatic_back,
     )

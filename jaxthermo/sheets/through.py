@@ -70,6 +70,21 @@ def cell_count(layers: Sequence[Layer], time: float, from_front: bool) -> int:
     )
 
 
+def resolved_time(
+    layers: Sequence[Layer], division: Division, from_front: bool
+) -> float:
+    """Shortest duration of a load that the cells at the faces resolve [s].
+
+    Args:
+        layers: from the front to the back.
+        division: the cells.
+        from_front: True if it acts on the front alone.
+    """
+    widths = np.asarray(division) @ _widths(layers)
+    widest = widths[0] if from_front else max(widths[0], widths[-1])
+    return float((2 * widest) ** 2)
+
+
 def divided(layers: Sequence[Layer], count: int, from_front: bool) -> Division:
     """Divide a stack into a number of cells, see the module."""
     widths = np.ones(len(layers))

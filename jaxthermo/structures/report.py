@@ -9,6 +9,7 @@ from typing_extensions import TypedDict
 
 from .kinds.sheet import Sheet
 from .kinds.shell import IrregularMultiLevel
+from .sheet_report import SheetReport, sheet_report
 from .structure import AbstractStructure
 
 
@@ -48,6 +49,8 @@ class StructureReport(TypedDict):
     """Heat capacity of the nodes over that of the body [-]."""
     levels: list[_Level]
     build_time_s: float | None
+    sheet: NotRequired[SheetReport]
+    """Cells through the thickness, and what welding did; for a sheet."""
     share_of_body_volume: NotRequired[dict[str, float]]
     """Overlap and cracks of cells on several lattices."""
 
@@ -76,6 +79,7 @@ def structure_report(
     )
     if isinstance(structure, Sheet):
         report["surface_cells"] = structure.surface_cells
+        report["sheet"] = sheet_report(structure)
     else:
         report["solid_voxels"] = structure.voxels.solid_count
     if isinstance(structure, IrregularMultiLevel):

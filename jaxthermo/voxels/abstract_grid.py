@@ -65,6 +65,20 @@ class AbstractGrid(abc.ABC):
         return None
 
     @property
+    def adiabatic(self) -> Bool[np.ndarray, " s"] | None:
+        """Fragments on which only terms that name them act; None for none."""
+        return None
+
+    def reached_by(
+        self, selection: AbstractSelection | None
+    ) -> Bool[np.ndarray, " s"] | None:
+        """Fragments on which a term on a selection may act; None for all of them."""
+        is_named = selection is not None and not selection.is_geometric
+        if self.adiabatic is None or is_named:
+            return None
+        return ~self.adiabatic
+
+    @property
     def fragment_centres(self) -> FragmentCentres:
         """All that a selection asks of the fragments."""
         return FragmentCentres(

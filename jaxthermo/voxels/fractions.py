@@ -25,8 +25,8 @@ from .selection import (
     AbstractSpace,
     FragmentCentres,
     SurfaceSamples,
-    spread_points,
 )
+from .spread_points import spread_points
 from .surface import face_axes
 from .voxelize import voxelize
 
@@ -104,9 +104,13 @@ def selected_area(
     selection: AbstractSelection | None, grids: Sequence[AbstractGrid]
 ) -> float:
     """Area of the bodies of a scene that is selected [m^2]; of all for None."""
-    if selection is None:
-        return float(sum(grid.fragment_area.sum() for grid in grids))
     area = 0.0
+    if selection is None:
+        for grid in grids:
+            reached = grid.reached_by(None)
+            selected = slice(None) if reached is None else reached
+            area += float(grid.fragment_area[selected].sum())
+        return area
     for body, grid in enumerate(grids):
         on_body = selection.on_body(body)
         if on_body is not None:
@@ -117,12 +121,17 @@ def selected_area(
 def area_fractions(
     selection: AbstractSelection, grid: AbstractGrid
 ) -> Float[np.ndarray, " s"]:
-    """Fraction of each surface fragment that is selected."""
+    """Fraction of each surface fragment that is selected.
+
+    That of an adiabatic face is 0 unless the selection names it.
+    """
 
     def find() -> Float[np.ndarray, " s"]:
         if isinstance(grid, VoxelGrid):
             return _area_fractions(selection, grid)
-        return grid.selected_fraction(selection)
+        fraction = grid.selected_fraction(selection)
+        reached = grid.reached_by(selection)
+        return fraction if reached is None else fraction * reached
 
     return found((grid,), _key("area_fractions", selection), find)
 

@@ -13,30 +13,14 @@ from typing_extensions import override
 from ..arrays import plain_numbers, static_numbers
 from ..errors import InputError
 from ..geometry.vectors import unit_vector
+from .spread_points import spread_points
 
 
-# Points of each voxel or piece of surface that the border of a selection divides, and
-# how many of these are computed at once.
-_SAMPLES = 512
+# Boxes that the border of a selection divides and that are sampled at once.
 _AT_ONCE = 2**10
 
 FACES = ("front", "back")
 """Faces of a sheet by number; the front is on the side of the normals."""
-
-
-def spread_points(dimensions: int) -> Float[np.ndarray, "p d"]:
-    """Points that fill a unit cube evenly, also as seen along its edges.
-
-    A sequence of low discrepancy: of a half space across an edge they tell the fraction
-    to about 1 / 512. Source: Roberts (2018), "The unreasonable effectiveness of
-    quasirandom sequences".
-    """
-    # The root of x^(d+1) = x + 1.
-    root = 2.0
-    for _ in range(50):
-        root = (1 + root) ** (1 / (dimensions + 1))
-    steps = root ** -np.arange(1.0, dimensions + 1)
-    return (0.5 + np.arange(1, _SAMPLES + 1)[:, None] * steps) % 1
 
 
 class FragmentCentres(NamedTuple):

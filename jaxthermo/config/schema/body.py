@@ -27,7 +27,7 @@ from .material import (
     finish_names,
 )
 from .selection import WhereConfig, empty_box
-from .sheet import SheetConfig
+from .sheet import GroundShape, SheetConfig
 from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
 
 
@@ -163,7 +163,7 @@ class BodyConfig(Model, builds="Body"):
 
     exactly_one: ClassVar = (
         ("mesh", "shape", "solid"),
-        ("pitch", "voxels_high", "sheet"),
+        ("pitch", "voxels_high", "sheet", "shape.layers"),
     )
 
     def build(self, *args: Any) -> Any:
@@ -172,8 +172,8 @@ class BodyConfig(Model, builds="Body"):
         Raises:
             InputError: for a mesh, labels or a fit card that cannot be used.
         """
-        if self.sheet is not None:
-            structure = self._build_sheet()
+        if self.wall is not None:
+            structure = self._build_sheet(self.wall)
             material = None
         else:
             (grid,) = args or (self.build_grid(),)
@@ -189,12 +189,31 @@ class BodyConfig(Model, builds="Body"):
             inside=self.inside,
         )
 
-    def _build_sheet(self) -> Any:
-        assert self.sheet is not None
+    @property
+    def wall(self) -> SheetConfig | None:
+        """The sheet that the body is; None for a solid."""
+        sheet = self.sheet
+        if not isinstance(self.shape, GroundShape):
+            return sheet
+        if sheet is None and self.shape.layers is not None:
+            sheet = SheetConfig(layers=self.shape.layers)
+        if sheet is None or sheet.back is not None:
+            return sheet
+        return sheet.model_copy(update={"back": self.temperature})
+
+    def build_terms(self, number: int) -> tuple[Any, ...]:
+        """Terms of the body with this number: its air, and a back that is held."""
+        terms = [] if self.interior is None else [self.interior.build(number)]
+        if self.wall is not None and self.wall.held is not None:
+            back = jaxthermo.Face("back", body=number)
+            terms.append(jaxthermo.FixedTemperature(self.wall.held, on=back))
+        return tuple(terms)
+
+    def _build_sheet(self, wall: SheetConfig) -> Any:
         with_parts = self._with_parts()
         if with_parts is None:
-            return self.sheet.build({"": self.build_mesh()})
-        return self.sheet.build(with_parts.build_parts())
+            return wall.build({"": self.build_mesh()})
+        return wall.build(with_parts.build_parts())
 
     @property
     def label(self) -> str:
@@ -220,8 +239,8 @@ class BodyConfig(Model, builds="Body"):
 
     def build_grid(self) -> Any:
         """The voxels of the body, or the cells of its surface, by the config."""
-        if self.sheet is not None:
-            return self._build_sheet().grid
+        if self.wall is not None:
+            return self._build_sheet(self.wall).grid
         pitch = self.pitch
         if self.solid is not None:
             assert pitch is not None
@@ -276,8 +295,11 @@ class BodyConfig(Model, builds="Body"):
         if isinstance(self.material, PartsConfig) and self._with_parts() is None:
             message = "only a `mesh` file or a `shape` of kind `parts` has parts"
             mistakes.append((("material",), message))
-        if self.sheet is not None:
+        if self.wall is not None:
             return [*mistakes, *self._sheet_mistakes()]
+        if isinstance(self.shape, GroundShape):
+            message = "has no inside: give its `layers`, or a `sheet`"
+            return [(("shape",), message)] if self.material is not None else []
         if self.material is None:
             mistakes.append((("material",), "missing, and it has no default"))
         return [*mistakes, *self._regions_mistakes()]

@@ -12,6 +12,7 @@ from ..messages import quoted
 from ..types import quantities as si
 from ..types.files import FoundPath
 from ..types.model import ByKind, Mistake, Model, build
+from .sheet import GroundShape
 
 
 def _metres_per_unit(value: Any) -> float:
@@ -216,6 +217,13 @@ class _PartConfig(Model):
         assert mesh_or_shape is not None
         return mesh_or_shape.build().placed(self.pose.build())
 
+    @override
+    def mistakes(self) -> list[Mistake]:
+        if not isinstance(self.shape, GroundShape) or self.shape.layers is None:
+            return []
+        message = "a part has no layers: give them in the `sheet` of the body"
+        return [(("shape", "layers"), message)]
+
 
 _Parts = Annotated[tuple[_PartConfig, ...], Field(min_length=2)]
 
@@ -269,6 +277,7 @@ ShapeConfig = Annotated[
     | _Polygon
     | _Pipe
     | _Tray
+    | GroundShape
     | _Union
     | _Difference
     | PartsShape,

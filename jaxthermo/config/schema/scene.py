@@ -125,19 +125,17 @@ class SceneConfig(Model, builds="Scene"):
         return self.scene(bodies=build(self.bodies), terms=self.build_terms())
 
     def build_terms(self) -> tuple[Any, ...]:
-        """The terms, followed by those of `interior` of bodies and of `outdoors`.
+        """The terms, followed by those of the bodies, and of `outdoors`.
 
         Raises:
             InputError: for weather that cannot be used, or without its extra.
         """
-        terms = (
-            *build(self.terms),
-            *(
-                body.interior.build(number)
-                for number, body in enumerate(self.bodies)
-                if body.interior is not None
-            ),
-        )
+        of_bodies = [
+            term
+            for number, body in enumerate(self.bodies)
+            for term in body.build_terms(number)
+        ]
+        terms = (*build(self.terms), *of_bodies)
         if self.outdoors is None:
             return terms
         return (*terms, *self.outdoors.build(self.time.last))

@@ -1,4 +1,4 @@
-"""Sheets: thin walls of layers on a surface, instead of a structure of voxels."""
+"""Sheets: thin walls of layers on a surface, instead of voxels; and the ground."""
 
 import csv
 from collections.abc import Mapping
@@ -14,7 +14,15 @@ import jaxthermo
 
 from ..messages import close_match
 from ..types.model import Model, build
-from ..types.quantities import NotEmpty, PositiveLength, PositiveTime, Whole, refuse
+from ..types.quantities import (
+    Extent,
+    NotEmpty,
+    PositiveLength,
+    PositiveTime,
+    Temperature,
+    Whole,
+    refuse,
+)
 from .material import Material
 
 
@@ -77,6 +85,17 @@ _Layers = Annotated[
 ]
 
 
+def _word_or_temperature(value: Any) -> str:
+    return "<word>" if value in ("open", "adiabatic") else "<temperature>"
+
+
+_Back = Annotated[
+    Annotated[Literal["open", "adiabatic"], Tag("<word>")]
+    | Annotated[Temperature, Tag("<temperature>")],
+    Discriminator(_word_or_temperature),
+]
+
+
 class SheetConfig(Model):
     """A thin wall on the surface of the body, with two faces."""
 
@@ -94,6 +113,15 @@ class SheetConfig(Model):
     """Distance within which vertices are joined [m]; 1e-5 of the size if not given."""
     nodes: Literal["cells", "vertices"] = "cells"
     """Nodes are cells of the surface, or the vertices of the mesh."""
+    back: _Back | None = None
+    """`open` to all terms (as without this, but for ground), `adiabatic` but for terms
+    with `on: {face: back}`, or the temperature at which it is held [K]. That of ground
+    is held at the body's temperature at the start."""
+
+    @property
+    def held(self) -> float | None:
+        """Temperature at which the back is held [K]; None if it is not."""
+        return None if isinstance(self.back, str) else self.back
 
     @override
     def build(self, *args: Any) -> Any:
@@ -105,6 +133,8 @@ class SheetConfig(Model):
         (parts,) = args
         arguments = super().arguments()
         arguments["layers"] = _built_layers(self.layers)
+        if self.held is not None:
+            arguments["back"] = "adiabatic"
         if self.pitch is None:
             bounds = np.concatenate([mesh.bounds for mesh in parts.values()])
             arguments["pitch"] = float(np.ptp(bounds, axis=0).max()) / _CELLS_OF_SIZE
@@ -115,3 +145,18 @@ def _built_layers(layers: Any) -> Any:
     if isinstance(layers, Mapping):
         return {pattern: _built_layers(stack) for pattern, stack in layers.items()}
     return jaxthermo.stacks[layers] if isinstance(layers, str) else build(layers)
+
+
+class GroundShape(Model, kind="ground"):
+    """A horizontal rectangle at z = 0 with its front up."""
+
+    size: Extent
+    """Edges along x and y [m]."""
+    layers: _Layers | None = None
+    """Layers from the top down, or the name of a stack: short for a `sheet` with
+    these layers."""
+
+    @override
+    def build(self, *args: Any) -> Any:
+        width, length = self.size
+        return jaxthermo.shapes.rectangle(width, length)

@@ -49,7 +49,10 @@ class Model(BaseModel):
 
     builds: ClassVar[str] = ""
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
-    """Groups of keys: exactly one key of each group must be given."""
+    """Groups of keys: exactly one key of each group must be given.
+
+    A key in a nested mapping is written with a dot: "shape.layers".
+    """
 
     # Declared to a type checker only: most models are no members of a union.
     if TYPE_CHECKING:
@@ -187,14 +190,21 @@ def _unknown(cls: type[Model], data: Mapping[str, object]) -> list[Mistake]:
 def _groups(cls: type[Model], data: Mapping[str, object]) -> list[Mistake]:
     mistakes: list[Mistake] = []
     for group in cls.exactly_one:
-        present = [key for key in group if data.get(key) is not None]
+        present = [key for key in group if _is_given(data, key)]
         names = " or ".join(f"`{key}`" for key in group)
         if not present:
             mistakes.append(((), f"missing {names}: give one of them"))
         elif len(present) > 1:
             several = "both" if len(group) == 2 else "several"
-            mistakes.append((tuple(present[-1:]), f"give {names}, not {several}"))
+            location = tuple(present[-1].split("."))
+            mistakes.append((location, f"give {names}, not {several}"))
     return mistakes
+
+
+def _is_given(data: object, key: str) -> bool:
+    for name in key.split("."):
+        data = data.get(name) if isinstance(data, dict) else None
+    return data is not None
 
 
 def _error(cls: type[Model], mistakes: list[Mistake]) -> ValidationError:

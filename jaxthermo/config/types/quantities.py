@@ -227,7 +227,7 @@ Auto = NoneWord("auto")
 
 
 def _not_empty(value: Any) -> Any:
-    if isinstance(value, list) and not value:
+    if isinstance(value, list | dict) and not value:
         raise refuse("must not be empty")
     return value
 

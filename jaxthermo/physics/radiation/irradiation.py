@@ -142,7 +142,9 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
     ) -> Irradiation:
         """Irradiation of the bodies by their factors, where `on` selects surface."""
         selected = [
-            factor if self.on is None else factor * body.selected_fraction(self.on)
+            factor * body.selected_fraction(self.on)
+            if self.on is not None or body.grid.adiabatic is not None
+            else factor
             for body, factor in zip(surface.bodies, factors, strict=True)
         ]
         return Irradiation(

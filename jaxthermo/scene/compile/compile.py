@@ -28,6 +28,7 @@ from ...physics.radiation.irradiation import (
 )
 from ...physics.surface import BodySurface, Note, Omitted
 from ...physics.term import AbstractExchangeTerm
+from ...structures.sheet_report import sheet_notes, sheet_warnings
 from ..scene import Scene, SolvedSurface, body_geometry, mechanism_names
 from .bodies import PreparedBody, check_bodies, check_terms, prepare
 from .memory import Method, check_memory
@@ -42,7 +43,7 @@ from .program_builder import (
     breakpoints_of,
     ledger_entries,
 )
-from .receipt import filled_warnings, receipt_of
+from .receipt import filled_warnings, receipt_of, sheet_lines
 from .snapshots import Snapshot, take_snapshots
 from .stable_step import stable_step_of
 from .temperature_bounds import temperature_bounds
@@ -104,12 +105,14 @@ def compile_scene(
         compiled.receipt,
         notes=(
             *compiled.receipt.notes,
+            *sheet_lines(scene, sheet_notes),
             *dict.fromkeys(lines),
             *time_values.notes(compiled.acting),
         ),
         warnings=(
             *compiled.receipt.warnings,
             *filled_warnings(scene),
+            *sheet_lines(scene, sheet_warnings),
             *time_values.warnings(compiled.acting, compiled.receipt.parts),
         ),
         memory_bytes=memory,

@@ -1,15 +1,18 @@
 """The receipt of a compiled scene: what it contains, what was left out, and why."""
 
+from collections.abc import Callable
 from functools import reduce
 
 import numpy as np
 
 from ...arrays import is_traced
 from ...geometry.nested import filled_inner_surfaces
+from ...material.material import Material
 from ...memo.found import found
 from ...physics.surface import Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...sheets.sheet_grid import SheetGrid
+from ...structures.kinds.sheet import Sheet
 from ...structures.kinds.shell import SingleShell
 from ...structures.structure import AbstractStructure
 from ..body_mass import body_mass
@@ -153,7 +156,7 @@ def _omissions(
         }
         for n in sorted(reasons):
             omissions.append(Omission(on(names[n], index), reasons[n]))
-        if not isinstance(body.material, AbstractMaterials):
+        if isinstance(body.material, Material):
             name = on("per-node conductivity", index)
             omissions.append(Omission(name, "the material is uniform"))
     omissions += [Omission(on(names[n], body), why) for n, (why, body) in unheated]
@@ -221,7 +224,8 @@ def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     lines = []
     for number, surface in enumerate(snapshot.surface.bodies):
         grid = surface.grid
-        if isinstance(grid, SheetGrid) and grid.cells.border:
+        acted_on_both = grid.is_two_sided and grid.adiabatic is None
+        if acted_on_both and isinstance(grid, SheetGrid) and grid.cells.border:
             lines.append(_open_sheet(number, grid))
         if surface.enclosing is None:
             continue
@@ -238,12 +242,8 @@ def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
 
 
 def _open_sheet(number: int, grid: SheetGrid) -> str:
-    cells = grid.cells
-    seams = ""
-    if cells.open_seams:
-        seams = f", of which {cells.open_seams:.3g} m is a gap that `weld` may close"
     return (
-        f"body {number} is a sheet with a border of {cells.border:.3g} m{seams}: what "
+        f"body {number} is a sheet with a border of {grid.cells.border:.3g} m: what "
         "has a border has no inside, and all terms act on both of its faces"
     )
 
@@ -267,6 +267,18 @@ def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
             "voxel let air and radiation through; use a finer pitch"
         )
     return tuple(lines)
+
+
+def sheet_lines(
+    scene: Scene, describe: Callable[[Sheet], list[str]]
+) -> tuple[str, ...]:
+    """Lines about each body that is a sheet."""
+    return tuple(
+        f"body {number}: {line}"
+        for number, body in enumerate(scene.bodies)
+        if isinstance(body.structure, Sheet)
+        for line in describe(body.structure)
+    )
 
 
 def filled_warnings(scene: Scene) -> tuple[str, ...]:

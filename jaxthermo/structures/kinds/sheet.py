@@ -66,6 +66,7 @@ class Sheet(AbstractStructure):
         shortest_time: float = SHORTEST_TIME,
         weld: float | None = None,
         nodes: Literal["cells", "vertices"] = "cells",
+        back: Literal["open", "adiabatic"] = "open",
     ):
         """Divide a surface into cells, and its thickness.
 
@@ -81,21 +82,36 @@ class Sheet(AbstractStructure):
             weld: distance within which vertices are joined [m]; by default 1e-5 of the
                 size of the mesh.
             nodes: "cells", or "vertices" to have a node in each vertex of the mesh.
+            back: "open", or "adiabatic" for a back on which only terms that name it
+                act, with `on=Face("back")`, as below ground; the cells through the
+                thickness are then narrow at the front alone.
         """
+        _require_word("nodes", nodes, ("cells", "vertices"))
+        _require_word("back", back, ("open", "adiabatic"))
+        from_front = back == "adiabatic"
         parts = mesh if isinstance(mesh, Mapping) else {"": mesh}
+        if not parts:
+            raise InputError("Sheet(mesh={}): there are no parts: give one or more")
         for part in parts.values():
             require(part, classes=Mesh, argument="Sheet(mesh=)", give="a Mesh")
         by_part = layers if isinstance(layers, Mapping) else {"*": layers}
         patterns = pattern_of_parts(list(parts), list(by_part), "Sheet(layers=)")
         self.stacks = tuple(_stack(by_part[patterns[name]]) for name in parts)
+        # Negated, so that NaN is refused too.
+        if not shortest_time > 0:
+            raise InputError(
+                f"Sheet(shortest_time={shortest_time!r}): give a positive time [s]"
+            )
         if cells is None:
-            count = max(cell_count(s, shortest_time, False) for s in self.stacks)
+            count = max(cell_count(s, shortest_time, from_front) for s in self.stacks)
         else:
             count = whole_number(cells, "Sheet(cells=)")
             if count > MAX_CELLS:
                 raise InputError(f"Sheet(cells={cells}): give {MAX_CELLS} at most")
-        self.divisions = tuple(divided(stack, count, False) for stack in self.stacks)
-        self.grid = _grid(parts, pitch=pitch, weld=weld, nodes=nodes)
+        self.divisions = tuple(
+            divided(stack, count, from_front) for stack in self.stacks
+        )
+        self.grid = _grid(parts, pitch=pitch, weld=weld, nodes=nodes, back=back)
         self.weights = ConductionWeights()
 
     @property
@@ -277,6 +293,13 @@ def _cell_thickness(stack: Sequence[Layer], division: Division) -> Float[Any, " 
     return np.asarray(division, dtype) @ thickness
 
 
+def _require_word(argument: str, word: Any, words: tuple[str, str]) -> None:
+    if word not in words:
+        raise InputError(
+            f"Sheet({argument}={word!r}): give {words[0]!r} or {words[1]!r}"
+        )
+
+
 def _stack(layers: Any) -> tuple[Layer, ...]:
     stack = tuple(layers) if isinstance(layers, Sequence) else (layers,)
     if not stack:
@@ -291,19 +314,26 @@ def _stack(layers: Any) -> tuple[Layer, ...]:
     return stack
 
 
-def _grid(
-    parts: Mapping[str, Mesh], pitch: float, weld: float | None, nodes: str
-) -> SheetGrid:
+def _grid(parts: Mapping[str, Mesh], **options: Any) -> SheetGrid:
     """Cells of the surface, the same for equal meshes and options."""
-    meshes = tuple(parts.values())
-    by = ("sheet", tuple(parts), float(pitch), weld, nodes)
-    return found(meshes, by=by, find=lambda: _divided(parts, pitch, weld, nodes))
+    by = ("sheet", tuple(parts), *options.values())
+    return found(tuple(parts.values()), by=by, find=lambda: _divided(parts, **options))
 
 
 def _divided(
-    parts: Mapping[str, Mesh], pitch: float, weld: float | None, nodes: Any
+    parts: Mapping[str, Mesh],
+    *,
+    pitch: float,
+    weld: float | None,
+    nodes: Literal["cells", "vertices"],
+    back: str,
 ) -> SheetGrid:
     mesh, face_part = joined_parts(list(parts.values()))
     cells = sheet_cells(mesh, pitch=pitch, weld=weld, nodes=nodes, face_part=face_part)
     names = tuple(parts)
-    return sheet_grid(mesh, cells, part_names=() if names == ("",) else names)
+    return sheet_grid(
+        mesh,
+        cells,
+        part_names=() if names == ("",) else names,
+        has_adiabatic_back=back == "adiabatic",
+    )

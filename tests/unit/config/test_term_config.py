@@ -310,7 +310,7 @@ def test_fragments_by_a_file(scene, tmp_path, marks):
         ("{kind: heat_source, heat_rate_density: 5, within: {body: 2}}",
          "terms.0.within.body: there is no body 2"),
         ("{kind: heat_flux, heat_flux: 5, on: {body: 0, side: {normal: [1, 0, 0]}}}",
-         "terms.0.on.body: give `side` or `region` or `fragments` or `body` or `all` "),
+         "terms.0.on.body: give `side` or `face` or `region` or `fragments` or `bod"),
         ("{kind: wind, velocity: [1, 0, 0], temperature: 290, on: {any: [{body: 0}, "
          "{not: {body: 2}}]}}", "terms.0.on.any.1.not.body: there is no body 2"),
         ("{kind: heat_flux, heat_flux: 5, on: {all: [{body: 0}, {body: 1}]}}",

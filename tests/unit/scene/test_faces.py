@@ -70,3 +70,62 @@ def test_a_solid_has_no_faces(on):
     )
     with pytest.raises(jt.InputError, match=r"coatings\[0\].*has no face of that"):
         jt.compile_scene(jt.Scene((coated,)))
+
+
+GROUND = jt.Sheet(
+    jt.shapes.rectangle(1.0, 0.5),
+    (jt.Layer(STEEL, 0.1),),
+    pitch=0.25,
+    cells=4,
+    back="adiabatic",
+)
+
+
+def run_ground(*terms):
+    body = jt.Body(GROUND, temperature=300.0)
+    return jt.Scene((body,), terms, dtype="float64")
+
+
+@pytest.mark.parametrize(
+    "term",
+    [
+        jt.HeatFlux(100.0),
+        jt.HeatFlux(heat_rate=50.0),
+        jt.HeatFlux(100.0, on=jt.Everything()),
+        jt.HeatFlux(100.0, on=FRONT),
+        jt.Sun((0.0, 0.0, -1.0), 100.0, on=FRONT | jt.Face("front", body=0)),
+        jt.Sun((0.0, 0.0, 1.0), 100.0),
+    ],
+)
+def test_terms_reach_no_adiabatic_back(term):
+    receipt = jt.compile_scene(run_ground(term)).receipt
+    heated = [part.area for part in receipt.parts]
+    up = not (isinstance(term, jt.Sun) and term.direction == (0.0, 0.0, 1.0))
+    assert_allclose(heated, [0.5] if up else [], rtol=1e-9)
+
+
+def test_the_cells_of_an_adiabatic_back_are_wider():
+    widths = np.array(GROUND.divisions[0]).ravel()
+    assert (np.diff(widths) > 0).all()
+
+
+def test_an_adiabatic_back_that_is_named_is_held():
+    held = jt.FixedTemperature(280.0, on=BACK)
+    air = jt.Convection(20.0, 320.0)
+    steady = jt.steady(run_ground(held, air))
+    flux = (320.0 - 280.0) / (1 / 20.0 + 0.1 / 45.0)
+    at_front = 280.0 + flux * 0.1 / 45.0
+    temperature = np.asarray(steady.surface_temperature).reshape(2, -1)
+    assert_allclose(temperature[0], at_front, rtol=1e-8)
+    assert_allclose(temperature[1], 280.0, rtol=1e-9)
+
+
+def test_an_adiabatic_back_does_not_radiate():
+    exchange = jt.RadiativeExchange(250.0)
+    emission = jt.Surroundings(250.0)
+    rates = [
+        300.0 - jt.simulate(run_ground(term), 60.0).mean_temperature[-1, 0]
+        for term in (exchange, emission)
+    ]
+    flux = 0.3 * 5.670374419e-8 * (300.0**4 - 250.0**4)
+    assert_allclose(rates, flux * 60.0 / (0.1 * 7850.0 * 480.0), rtol=2e-3)

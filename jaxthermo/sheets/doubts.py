@@ -1,0 +1,119 @@
+"""Doubts about a surface as a wall: it curves within its thickness, or lies twice.
+
+A wall of thickness d on a surface whose principal curvatures add up to K has a volume
+that the surface times d misses by d K / 2, and a back that differs by d K from its
+front: from d K = 1 on the wall would fold.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import KDTree
+
+from ..geometry.mesh import edges_of
+from ..geometry.vectors import row_dot, triangle_normals, unit_vectors
+from ..memo.found import found
+from .sheet_grid import SheetGrid
+
+
+# Sharper edges are corners of the body, such as those of a box.
+_SHARPEST_BEND = np.radians(60)
+
+# Cosine of the angle within which two faces are parallel.
+_PARALLEL = np.cos(np.radians(2))
+# Distance within which they are at one place, over the pitch [-].
+_AT_ONE_PLACE = 1e-3
+# Largest number of triangles that are tested.
+_TESTED = 20_000
+
+
+def curvature(grid: SheetGrid) -> Float[np.ndarray, " n"]:
+    """Mean of the sum of the principal curvatures around each cell [1/m]."""
+    return found((grid,), "sheet_curvature", lambda: _curvature(grid))
+
+
+def _curvature(grid: SheetGrid) -> Float[np.ndarray, " n"]:
+    cells = grid.cells
+    normal = unit_vectors(triangle_normals(cells.vertices[cells.faces]))
+    edges = edges_of(cells.faces)
+    order = np.argsort(edges.edge, kind="stable")
+    # Half-edges of the edges between two faces, in pairs.
+    paired = order[edges.uses[edges.edge[order]] == 2].reshape(-1, 2)
+    faces = paired // 3
+    # Faces of opposite winding may meet.
+    cosine = np.abs(row_dot(normal[faces[:, 0]], normal[faces[:, 1]]))
+    bend = np.arccos(np.clip(cosine, 0, 1))
+    bend[bend > _SHARPEST_BEND] = 0
+    start = cells.vertices[edges.start[paired[:, 0]]]
+    length = np.linalg.norm(cells.vertices[edges.end[paired[:, 0]]] - start, axis=1)
+    # Half of what an edge bends is each of its two faces'.
+    half = np.repeat(bend * length / 2, 2)
+    bending = np.bincount(faces.ravel(), half, len(cells.faces))
+    count = cells.node_count
+    node = cells.vertex_node[cells.faces].ravel()
+    total = np.bincount(node, np.repeat(bending / 3, 3), count)
+    area = cells.area.sum(axis=1)
+    # A cell has few of the edges that a mesh bends at: with those around it.
+    links = cells.links
+    for _ in range(2):
+        total = total + _of_neighbours(total, links.src, links.dst)
+        area = area + _of_neighbours(area, links.src, links.dst)
+    return total / area
+
+
+def _of_neighbours(
+    values: Float[np.ndarray, " n"],
+    src: Int[np.ndarray, " l"],
+    dst: Int[np.ndarray, " l"],
+) -> Float[np.ndarray, " n"]:
+    count = len(values)
+    return np.bincount(src, values[dst], count) + np.bincount(dst, values[src], count)
+
+
+class DoubleArea(NamedTuple):
+    """Part of a surface that lies on another part of it."""
+
+    area: float
+    """Area that is there twice or more [m^2]."""
+    position: Float[np.ndarray, "3"]
+    """A point of it [m]."""
+
+
+def double_area(grid: SheetGrid) -> DoubleArea | None:
+    """Area of a surface that lies on another part of it; None if there is none."""
+    return found((grid,), "sheet_double_area", lambda: _double_area(grid))
+
+
+def _double_area(grid: SheetGrid) -> DoubleArea | None:
+    cells = grid.cells
+    corners = cells.vertices[cells.faces]
+    area_vector = triangle_normals(corners)
+    normal = unit_vectors(area_vector)
+    centre = corners.mean(axis=1)
+    step = -(-len(centre) // _TESTED)
+    tested = np.arange(0, len(centre), step)
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    tree = KDTree(centre)
+    near = tree.query_ball_point(centre[tested], sides.max(axis=1)[tested])
+    sizes = np.array([len(numbers) for numbers in near])
+    face = np.repeat(tested, sizes)
+    candidate = np.concatenate([np.asarray(numbers, np.int64) for numbers in near])
+    distance = np.abs(row_dot(centre[face] - centre[candidate], normal[candidate]))
+    parallel = np.abs(row_dot(normal[face], normal[candidate])) > _PARALLEL
+    close = (face != candidate) & parallel & (distance < _AT_ONE_PLACE * grid.pitch)
+    face = face[close]
+    candidate = candidate[close]
+    within = np.ones(len(face), bool)
+    for corner in range(3):
+        start = corners[candidate, corner]
+        along = corners[candidate, (corner + 1) % 3] - start
+        across = np.cross(along, centre[face] - start)
+        # Inside by a margin: neighbours touch, and slivers round.
+        limit = 1e-3 * np.linalg.norm(area_vector[candidate], axis=1)
+        within &= row_dot(across, normal[candidate]) > limit
+    double = np.unique(face[within])
+    if not len(double):
+        return None
+    area = float(cells.face_area[double].sum()) * step
+    return DoubleArea(area=area, position=centre[double[0]])
