@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import solve_banded
 
 import jaxthermo as jt
+from jaxthermo.config.loader import load_config
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.reference.semi_infinite import surface_flux
 from jaxthermo.scene.compile.compile import compile_scene
@@ -285,3 +286,15 @@ def test_implicit_steps_and_steady_states_agree_with_all_links():
             solution = solve(roof_scene(kind=kind))
             ends.append(np.atleast_2d(solution.surface_temperature)[-1])
         assert_allclose(ends[0], ends[1], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_roof_of_a_file():
+    config = load_config("tests/data/mesh_and_heat/roof_skin.yaml")
+    scene = config.build()
+    times = config.time.save_times
+    solution = jt.simulate(scene, config.time.last, save_at=times)
+    front = scene.bodies[0].structure.grid.fragment_normal[:, 0] > 0.9
+    celsius = np.asarray(solution.surface_temperature)[-24:, front] - 273.15
+    assert celsius.max() == pytest.approx(47.4, abs=0.5)
+    assert celsius.mean(axis=1).argmax() == 12

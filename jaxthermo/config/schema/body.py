@@ -28,7 +28,13 @@ from .material import (
 )
 from .selection import WhereConfig, empty_box
 from .sheet import GroundShape, SheetConfig
-from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
+from .structure import (
+    FluxCorrectedMap,
+    FullVolume,
+    SkinConfig,
+    StructureConfig,
+    SurfaceMapConfig,
+)
 
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -144,6 +150,9 @@ class BodyConfig(Model, builds="Body"):
     a solid body."""
     structure: StructureConfig = FullVolume()
     """Nodes and links that represent the body's heat."""
+    skin: SkinConfig | None = None
+    """Cells that divide the structure's nodes at the surface by depth, for loads that
+    have gone less than a voxel deep."""
     surface_map: SurfaceMapConfig = FluxCorrectedMap()
     material: BodyMaterial | None = None
     """Material of a solid: by name or properties, or several by labels or parts of the
@@ -179,6 +188,9 @@ class BodyConfig(Model, builds="Body"):
             (grid,) = args or (self.build_grid(),)
             structure = self.structure.build(grid)
             material = self.build_materials(grid)
+            if self.skin is not None:
+                diffusivity = _lowest_diffusivity(material, self.temperature)
+                structure = self.skin.build(structure, diffusivity)
         return self.target()(
             structure,
             material,
@@ -310,6 +322,7 @@ class BodyConfig(Model, builds="Body"):
             "material": "the layers of the `sheet` have their materials: leave it out",
             "regions": "the layers of the `sheet` by part say what is where",
             "structure": "a `sheet` has its own structure: leave it out",
+            "skin": "a `sheet` has `cells` through its thickness: leave it out",
             "surface_map": "a `sheet` has its own surface: leave it out",
             "surface_cells": "a `sheet` has its own surface: leave it out",
         }
@@ -327,6 +340,16 @@ class BodyConfig(Model, builds="Body"):
         if isinstance(self.material, LabelledConfig):
             return [(("regions",), "the labels of `material` say what is where")]
         return []
+
+
+def _lowest_diffusivity(material: Any, temperature: float) -> float:
+    """Lowest diffusivity of all materials and axes at a temperature [m^2/s]."""
+    diffusivities = []
+    for body_material in getattr(material, "materials", (material,)):
+        constant = body_material.at(temperature)
+        lowest = float(np.min(constant.conductivity))
+        diffusivities.append(lowest / float(constant.volumetric_heat_capacity))
+    return min(diffusivities)
 
 
 def _without_scale(text: str) -> str:

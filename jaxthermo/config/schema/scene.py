@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 from typing_extensions import override
 
 from ..types.files import FoundPath
@@ -116,6 +116,19 @@ class SceneConfig(Model, builds="Scene"):
     """Camera, by default chosen to show all bodies."""
     image: ImageConfig = ImageConfig()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _with_skins(cls, data: Any) -> Any:
+        # The scene says where a skin is of use, and after which time.
+        bodies = data.get("bodies") if isinstance(data, dict) else None
+        if not isinstance(bodies, list):
+            return data
+        with_skins = [
+            _with_skin(data, number, body) if isinstance(body, dict) else body
+            for number, body in enumerate(bodies)
+        ]
+        return {**data, "bodies": with_skins}
+
     def build(self, *args: Any) -> "Scene":
         """The scene, with its meshes loaded and voxelized.
 
@@ -162,6 +175,44 @@ class SceneConfig(Model, builds="Scene"):
             *_second_emission(data),
             *_second_occlusion(data),
         ]
+
+
+# Terms that act inside bodies, or between two.
+_NOT_ON_SURFACES = {"heat_source", "contact"}
+
+
+def _with_skin(
+    data: Mapping[str, Any], number: int, body: Mapping[str, Any]
+) -> Mapping[str, Any]:
+    """A body whose skin has the values that the scene gives it, where it has none."""
+    skin = body.get("skin")
+    if skin is None:
+        return body
+    if not isinstance(skin, dict):
+        skin = {"cells": skin}
+    defaults = {}
+    time = data.get("time")
+    if isinstance(time, dict):
+        saved = time.get("save_at")
+        first = saved[0] if isinstance(saved, list) and saved else None
+        defaults["shortest_time"] = time.get("save_every", first)
+    defaults["on"] = _surface_of_terms(data, number)
+    from_scene = {key: value for key, value in defaults.items() if value is not None}
+    return {**body, "skin": {**from_scene, **skin}}
+
+
+def _surface_of_terms(data: Mapping[str, Any], number: int) -> Mapping[str, Any] | None:
+    """Part of a body on which terms act; None for all of its surface."""
+    areas = []
+    terms = [term for term in _terms(data) if term.get("kind") not in _NOT_ON_SURFACES]
+    for term in terms:
+        on = term.get("on")
+        if not isinstance(on, dict) or not on.keys() <= {"side", "region", "fragments"}:
+            return None
+        bodies = {body for _, body in _bodies_within((), on)} or {0}
+        if number in bodies:
+            areas.append(on)
+    return {"any": areas} if areas and not data.get("outdoors") else None
 
 
 def _missing_bodies(data: Mapping[str, object]) -> list[Mistake]:

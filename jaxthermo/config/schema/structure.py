@@ -12,7 +12,16 @@ from ...errors import InputError
 from ..shipped_cards import card_name
 from ..types.files import CardPath, FoundPath, read_labels
 from ..types.model import ByKind, KindModel, Mistake, Model, Short
-from ..types.quantities import Auto, Flag, NotEmpty, Number, PositiveLength, Whole
+from ..types.quantities import (
+    Auto,
+    Flag,
+    NotEmpty,
+    Number,
+    PositiveLength,
+    PositiveTime,
+    Whole,
+)
+from .selection import WhereConfig
 
 
 def _number_or_list(value: Any) -> str:
@@ -36,6 +45,8 @@ _PositiveWeights = Annotated[
 ]
 # No body has more voxels, or layers of them, along an edge.
 Count = Annotated[Whole, Field(ge=1, le=4096)]
+# For a body of no scene: about the interval of frames of a fast process.
+_SHORTEST_TIME = 60.0
 # Number of levels; None for all that the body has.
 _Levels = Annotated[Count | None, Auto]
 
@@ -230,6 +241,34 @@ StructureConfig = Annotated[
     ByKind(),
     Short("kind", "full_volume"),
 ]
+
+
+class _SkinConfig(Model):
+    """Cells below the surface, thinner towards it."""
+
+    cells: Annotated[Annotated[Whole, Field(ge=1, le=32)] | None, Auto] = None
+    """Number of cells below each fragment; by the shortest time if `auto`."""
+    shortest_time: PositiveTime | None = None
+    """Shortest time after a change of what acts that matters [s]; the interval between
+    saved times if not given."""
+    on: WhereConfig | None = None
+    """Part of the surface; that of the terms if they all have one, else all of it."""
+
+    def build(self, *args: Any) -> Any:
+        """The structure with this skin; a diffusivity [m^2/s] tells `auto`."""
+        structure, diffusivity = args
+        cells = self.cells
+        if cells is None:
+            cells = jaxthermo.Skin.cells_for(
+                structure.grid.pitch,
+                diffusivity=diffusivity,
+                time=self.shortest_time or _SHORTEST_TIME,
+            )
+        on = self.on and self.on.build()
+        return jaxthermo.Skin(structure, cells=cells, on=on)
+
+
+SkinConfig = Annotated[_SkinConfig, Short("cells", words=("auto",))]
 
 _Depth = Literal["surface", "voxel"]
 

@@ -31,8 +31,9 @@ _MIN_LENGTH = 0.25
 """Smallest fraction of the distance from a node to a face that a skin leaves: that of
 half a voxel below one fragment is 1/2."""
 
-_PER_PENETRATION = 0.5
-"""Largest thickness of the outermost cell over the depth that heat has reached."""
+_PER_PENETRATION = 0.2
+"""Largest thickness of the outermost cell over the depth sqrt(alpha t) of heat: a half
+space that is heated by radiation or a flux is then within 2 % of its rise."""
 
 
 class Skin(AbstractVoxelStructure):
@@ -114,8 +115,8 @@ class Skin(AbstractVoxelStructure):
     def cells_for(pitch: float, diffusivity: float, time: float) -> int:
         """Number of cells that resolves what has happened a time after a change.
 
-        The outermost cell of a voxel is half as thick as the depth sqrt(alpha t) that
-        heat has gone.
+        The outermost cell of a voxel is a fifth as thick as the depth sqrt(alpha t)
+        that heat has gone, at most.
 
         Args:
             pitch: edge of a voxel [m].
@@ -128,7 +129,7 @@ class Skin(AbstractVoxelStructure):
         Example:
             >>> import jaxthermo as jt
             >>> jt.Skin.cells_for(pitch=0.02, diffusivity=5e-7, time=1.0)
-            7
+            9
         """
         for name, value in (
             ("pitch", pitch),
@@ -139,13 +140,14 @@ class Skin(AbstractVoxelStructure):
                 raise InputError(
                     f"Skin.cells_for({name}={value!r}): give a positive one"
                 )
-        outermost = _PER_PENETRATION * math.sqrt(diffusivity * time)
+        depth = math.sqrt(diffusivity * time)
+        outermost = _PER_PENETRATION * depth
         # Of n cells in half a voxel the outermost has (r - 1) / (r^n - 1) of it.
         total = 1 + (_RATIO - 1) * (pitch / 2) / outermost
         cells = max(1, math.ceil(math.log(total) / math.log(_RATIO) - 1e-9))
         if cells > _MAX_CELLS:
             raise InputError(
-                f"Skin.cells_for: a depth of {2 * outermost:.2g} m in voxels of "
+                f"Skin.cells_for: a depth of {depth:.2g} m in voxels of "
                 f"{pitch:g} m takes {cells} cells, more than {_MAX_CELLS}: give a "
                 "finer pitch"
             )

@@ -26,7 +26,7 @@ CONVERTED = {
     "BandConfig": {"name"},
     "BodyConfig": {
         *("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells"),
-        *("structure", "regions", "sheet", "interior"),
+        *("structure", "regions", "sheet", "skin", "interior"),
     },
     "CoatingConfig": {"finish"},
     "DirectionTable": {"values"},

