@@ -57,9 +57,7 @@ def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
         faces=faces,
         normal=triangle_normals(vertices[faces]),
         body=np.repeat(np.arange(len(bodies)), face_counts),
-        is_thin=np.repeat(
-            [body.face_space is not None for body in bodies], face_counts
-        ),
+        is_thin=np.repeat([body.wall is not None for body in bodies], face_counts),
         first_face=np.cumsum([0, *face_counts[:-1]]),
         first=np.cumsum([0, *counts[:-1]]),
         count=sum(counts),
@@ -200,12 +198,18 @@ def _met(
     for number, patched in enumerate(bodies):
         on_body = np.flatnonzero(body == number)
         pose = patched.pose
+        if patched.wall is not None:
+            # Its two hits follow each other, at one point.
+            once = on_body[::2]
+            face = hits.triangle[once] - scene.first_face[number]
+            patches = patched.wall.patches_at(pose.to_body(hits.point[once]), face)
+            side = hits.is_behind[on_body].astype(int)
+            point = np.repeat(np.arange(len(once)), 2)
+            patch[on_body] = scene.first[number] + patches[side, point]
+            cavity[on_body] = patched.wall.face_space[face[point], side] // 2
+            continue
         space = None
-        if patched.face_space is not None:
-            face = hits.triangle[on_body] - scene.first_face[number]
-            space = patched.face_space[face, hits.is_behind[on_body].astype(int)]
-            cavity[on_body] = space // 2
-        elif patched.patches.cavities is not None:
+        if patched.patches.cavities is not None:
             space = _cavity_ahead(
                 patched.patches.cavities,
                 point=pose.to_body(hits.point),

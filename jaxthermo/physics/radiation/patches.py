@@ -9,9 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import KDTree
 
 from ...errors import InputError
 from ...geometry.mesh import Pose
+from ...memo.found import found
 from ...sheets.sheet_grid import SheetGrid
 from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.cavities import Cavities
@@ -120,6 +122,51 @@ class _Patches:
         return slot
 
 
+class ThinWall(NamedTuple):
+    """Thirds of the triangles of a thin wall's cells, with the patches of both sides.
+
+    Fragments are made of them, and reach over the borders of a lattice's cells.
+    """
+
+    position: Float[np.ndarray, "n 3"]
+    """Centroids in the body's frame [m]."""
+    face: Int[np.ndarray, " n"]
+    """Face of the body that each is a piece of."""
+    patch: Int[np.ndarray, "2 n"]
+    """Patch of the front and of the back."""
+    face_space: Int[np.ndarray, "f 2"]
+    """Space in front of and behind each face."""
+
+    @classmethod
+    def of_grid(cls, grid: SheetGrid, patch: Int[np.ndarray, " s"]) -> "ThinWall":
+        """Thirds of a sheet, from the patch of each of its fragments."""
+        cells = grid.cells
+        fragment = cells.fragments.of_corner.ravel()
+        _, face = np.unique(cells.face_origin, return_inverse=True)
+        back = fragment + len(cells.fragments.area)
+        return cls(
+            position=grid.thirds.position,
+            face=np.repeat(face.reshape(-1), 3),
+            patch=np.stack([patch[fragment], patch[back]]),
+            face_space=grid.face_space,
+        )
+
+    def patches_at(
+        self, points: Float[np.ndarray, "k 3"], face: Int[np.ndarray, " k"]
+    ) -> Int[np.ndarray, "2 k"]:
+        """Patches of points on faces of the body, at its front and at its back."""
+        # In a fourth dimension faces are farther apart than anything on one of them:
+        # leaves of a wall may be close to each other.
+        apart = 2 * float(np.linalg.norm(np.ptp(self.position, axis=0))) + 1.0
+        tree = found(
+            (self.position,),
+            "thirds by face",
+            lambda: KDTree(np.column_stack([self.position, apart * self.face])),
+        )
+        _, third = tree.query(np.column_stack([points, apart * face]))
+        return self.patch[:, third]
+
+
 class PatchedBody(NamedTuple):
     """Body with the patches of its surface."""
 
@@ -129,8 +176,8 @@ class PatchedBody(NamedTuple):
     """Counter-clockwise seen from outside."""
     patches: _Patches
     pose: Pose = Pose()
-    face_space: Int[np.ndarray, "f 2"] | None = None
-    """Space in front of and behind each face of a thin wall; None for a solid."""
+    wall: ThinWall | None = None
+    """Pieces of a thin wall; None for a solid."""
 
     @classmethod
     def of_grid(
@@ -139,10 +186,10 @@ class PatchedBody(NamedTuple):
         """The mesh of a body at a place in the world."""
         mesh = grid.mesh
         mesh_faces = mesh.faces
-        face_space = None
+        wall = None
         if isinstance(grid, SheetGrid):
             mesh_faces = mesh_faces[grid.traced_faces]
-            face_space = grid.face_space
+            wall = ThinWall.of_grid(grid, patches.patch)
         # Scanners leave strays far away, which are no part of what a view shows.
         used = np.zeros(len(mesh.vertices), bool)
         used[mesh_faces.reshape(-1)] = True
@@ -152,7 +199,7 @@ class PatchedBody(NamedTuple):
             faces=number[mesh_faces],
             patches=patches,
             pose=pose,
-            face_space=face_space,
+            wall=wall,
         )
 
 
