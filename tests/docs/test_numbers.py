@@ -35,7 +35,7 @@ GIVEN = {
     "docs/guide/own-mesh.md": "2 mm; 24 hours; 25 degC; 3 min",
     "docs/guide/python.md": "512 MiB",
     "docs/guide/results.md": "0.01 K; 655.35 K",
-    "docs/guide/scene.md": "1 %; 1.2 times; 25 degrees; 50 degrees",
+    "docs/guide/scene.md": "1 %; 1 min; 1.2 times; 25 degrees; 50 degrees",
     "docs/guide/structures.md": "1 GiB; 15 000 nodes; 180 s; 5 %; 99.5 %",
     "docs/guide/sweeps.md": "0.1 %; 1 %; 3 %",
     "docs/scaling.md": "25 GB",

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 import jaxthermo as jt
 from jaxthermo.image.pose.coverage import coverage, coverage_slopes
 from jaxthermo.image.pose.pose import moved_camera
+from jaxthermo.image.surface.visible import WorldMesh
 
 
 CAMERAS = {
@@ -24,7 +25,7 @@ POSE = np.array([0.02, -0.015, 0.03, 0.004, -0.006, 0.01])
 
 def _box(*size):
     mesh = jt.shapes.box(size)
-    return (np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    return WorldMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
 def test_fractions_are_the_areas_of_a_box():
@@ -49,8 +50,9 @@ def test_fractions_are_the_areas_of_a_box():
 def test_slopes_are_those_of_moved_cameras(name):
     """By all six numbers, to the resolution of the rays."""
     camera = CAMERAS[name]
-    vertices, faces = _box(0.08, 0.06, 0.1)
-    body = (Rotation.from_rotvec((0.2, 0.7, 0.1)).apply(vertices), faces)
+    box = _box(0.08, 0.06, 0.1)
+    turn = Rotation.from_rotvec((0.2, 0.7, 0.1))
+    body = box._replace(vertices=turn.apply(box.vertices))
     all_pixels = np.arange(32 * 24)
 
     def at(pose):
