@@ -132,7 +132,7 @@ def on_planes(
     return visible._replace(position=position, depth=depth)
 
 
-def _is_inside(position: tuple[float, float, float], body: WorldMesh) -> bool:
+def _is_inside(position: Sequence[float | int], body: WorldMesh) -> bool:
     # Outside of the box around a body no search is needed; one axis often decides.
     for coordinate, column in zip(position, body.vertices.T, strict=True):
         if not column.min() <= coordinate <= column.max():
