@@ -1,6 +1,6 @@
 """Points of surfaces that a camera sees."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
