@@ -5,7 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 from equinox import Module
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import namespace
 from ..errors import InputError
@@ -14,7 +14,7 @@ from ..geometry.sample import MeshSample, mesh_sample
 from ..integrate.run.solution import Solution
 from ..integrate.run.solution_file import StoredSolution
 from ..integrate.run.surface_reading import SurfaceReading, surface_reading
-from ..scene.scene import SolvedSurface
+from ..scene.scene import BodyGeometry, SolvedSurface
 from .error_records import TruthErrors, finite_number, finite_numbers
 from .surface_error import (
     AnySolution,
@@ -324,9 +324,9 @@ def _samples(
     surfaces: tuple[SolvedSurface, ...], count: int, seed: int
 ) -> list[MeshSample]:
     """Points of each body in its own frame, evenly over the area of all."""
-    meshes = [surface.geometry for surface in surfaces]
-    last = np.cumsum([len(mesh.faces) for mesh in meshes])
-    vertices, faces = joined([(mesh.vertices, mesh.faces) for mesh in meshes])
+    meshes = [_both_sides(surface.geometry) for surface in surfaces]
+    last = np.cumsum([len(faces) for _, faces in meshes])
+    vertices, faces = joined(meshes)
     together = Mesh(vertices, faces, name="the reference")
     sample = mesh_sample(together, count, seed)
     body = np.searchsorted(last, sample.face, side="right")
@@ -334,6 +334,16 @@ def _samples(
         MeshSample(*(column[body == index] for column in sample))
         for index in range(len(meshes))
     ]
+
+
+def _both_sides(
+    geometry: BodyGeometry,
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
+    """Vertices [m] and faces of a body; those of a sheet for each of its sides."""
+    faces = geometry.faces
+    if geometry.is_two_sided:
+        faces = np.concatenate([faces, faces[:, ::-1]])
+    return geometry.vertices, faces
 
 
 def _reading(

@@ -21,6 +21,7 @@ from ..physics.contact.rays import PlacedGrid
 from ..physics.contact.search import contacts_between
 from ..report.layer_sheets import contact_texture_sheet
 from ..report.numbers import count
+from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.grid import VoxelGrid
 from .frame_names import CONTACTS, earlier_frames
 from .frames import SavedTime, chosen_frames, finished_config
@@ -61,6 +62,12 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
         with status(console, "voxelizing"):
             grids = [body.build_grid() for body in config.bodies]
             _check_unchanged(run, grids, stored)
+        thin_walls = [n for n, grid in enumerate(grids) if grid.is_two_sided]
+        if len(thin_walls) == len(grids):
+            raise InputError(
+                f"{run}: contact textures are layers of voxels, and all bodies are "
+                "sheets: `jaxthermo export` writes the temperatures of their faces"
+            )
         with status(console, "finding contacts"):
             textures = [
                 _texture(contacts, grids=grids, stored=stored, time=time)
@@ -72,9 +79,17 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
             _write(config, grids=grids, textures=textures, folder=folder / CONTACTS)
     sheets = count(len(frame_times), "sheet")
     print_line(console, f"{sheets} of contact textures in {target / CONTACTS}")
+    for number in thin_walls:
+        print_line(
+            console,
+            f"without body {number}, a sheet: `jaxthermo export` writes the "
+            "temperatures of its faces",
+        )
 
 
-def _check_unchanged(run: Path, grids: list[VoxelGrid], stored: StoredSolution) -> None:
+def _check_unchanged(
+    run: Path, grids: list[AbstractGrid], stored: StoredSolution
+) -> None:
     # The same mesh at the same pitch has the same fragments in the same order.
     for body, (grid, surface) in enumerate(zip(grids, stored.surfaces, strict=True)):
         recorded = surface.geometry.fragment_position
@@ -88,7 +103,7 @@ def _check_unchanged(run: Path, grids: list[VoxelGrid], stored: StoredSolution) 
 
 def _texture(
     contacts: list[Contact],
-    grids: list[VoxelGrid],
+    grids: list[AbstractGrid],
     stored: StoredSolution,
     time: SavedTime,
 ) -> _Texture:
@@ -116,7 +131,7 @@ def _texture(
 
 def _write(
     config: SceneConfig,
-    grids: list[VoxelGrid],
+    grids: list[AbstractGrid],
     textures: list[_Texture],
     folder: Path,
 ) -> None:
@@ -139,6 +154,7 @@ def _write(
         bodies = [
             (f"body {n}", grid, values)
             for n, (grid, values) in enumerate(zip(grids, texture.values, strict=True))
+            if isinstance(grid, VoxelGrid)
         ]
         image = contact_texture_sheet(
             bodies,

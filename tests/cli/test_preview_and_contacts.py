@@ -93,6 +93,30 @@ def test_contact_textures_and_occlusion_of_a_run(tmp_path, out):
     assert plain.shape == occluded.shape and np.abs(occluded - plain).max() > 3
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("below", ["solid", "sheet"])
+def test_contact_textures_are_those_of_solids(tmp_path, out, below):
+    panel = """
+  - shape: {kind: rectangle, width: 4 cm, length: 4 cm}
+    sheet: {layers: [{material: copper, thickness: 1 mm}], pitch: 1 cm}
+    temperature: 350"""
+    text = PAIR.replace(
+        PAIR[PAIR.index("\n  - shape") : PAIR.index("\n  - ", 20)], panel
+    )
+    text = text.replace("[0, 0, -2 cm]", "[0, 0, -1 cm]")
+    if below == "sheet":
+        text = text.replace(
+            text[text.rindex("\n  - shape") : text.index("\nterms")], panel
+        )
+    succeed("simulate", scene_file(tmp_path, text), "--out", out)
+    code, written, err = run("render", out, "--contacts", "--set", "image.frames=[2]")
+    if below == "sheet":
+        assert code == 2 and "all bodies are sheets" in err and err.count("\n") == 1
+        return
+    assert "without body 0, a sheet" in written
+    assert (out / "contacts/t000002.00s.png").exists()
+
+
 def test_occlusion_is_not_counted_twice(scene):
     text = "image.occlusion=2 cm"
     twice = "terms.2.occlusion=64"
