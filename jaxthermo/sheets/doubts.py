@@ -24,8 +24,8 @@ _SHARPEST_BEND = np.radians(60)
 _PARALLEL = np.cos(np.radians(2))
 # Distance within which they are at one place, over the pitch [-].
 _AT_ONE_PLACE = 1e-3
-# Largest number of triangles that are tested.
-_TESTED = 20_000
+# Largest number of triangles that are tested: their neighbours are lists of numbers.
+_TESTED = 5_000
 
 
 def curvature(grid: SheetGrid) -> Float[np.ndarray, " n"]:

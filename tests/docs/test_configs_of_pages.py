@@ -16,6 +16,7 @@ from jaxthermo.__main__ import main
 from jaxthermo.config.loader import load_config
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.schema.sheet import SheetConfig
 from jaxthermo.config.shipped_cards import shipped_cards
 from jaxthermo.config.strict_yaml import parse_yaml, read_yaml, write_yaml
 
@@ -64,7 +65,8 @@ def load_scene(folder: Path, text: str, *overrides: str) -> None:
     """Load it and compile its program, as `simulate --explain` does."""
     path = folder / "scene.yaml"
     path.write_text(text)
-    assert load_config(path).bodies[0].mesh is not None
+    body = load_config(path).bodies[0]
+    assert body.mesh is not None or body.sheet is not None
     changes = [word for change in overrides for word in ("--set", change)]
     with pytest.raises(SystemExit) as stopped:
         main(["simulate", str(path), "--explain", *changes])
@@ -102,7 +104,9 @@ def test_blocks_of_a_page_load(page, folder, capsys):
         data = parse_yaml(text, "page")
         if "bodies" in data:
             # Coarse, since only what is written counts here.
-            load_scene(folder, text, "bodies.0.pitch=5 mm")
+            is_sheet = "sheet" in data["bodies"][0]
+            pitch = "sheet.pitch=20 cm" if is_sheet else "pitch=5 mm"
+            load_scene(folder, text, f"bodies.0.{pitch}")
             assert "included: conduction, sun" in capsys.readouterr().out
         elif "axes" in data:
             load_sweep_block(folder, data)
@@ -124,9 +128,11 @@ def scene_with(setting):
     first, _, subkey = key.partition(".")
     if subkey:
         scene[first] = {subkey: value}
-    elif key in ("sheet", "layers"):
+    elif key == "shape":
+        scene["bodies"] = [{"temperature": BODY["temperature"], **setting}]
+    elif key == "sheet" or key in SheetConfig.model_fields.keys() - {"nodes", "pitch"}:
         geometry = {name: BODY[name] for name in ("mesh", "temperature")}
-        sheet = value if key == "sheet" else setting
+        sheet = value if key == "sheet" else {"layers": "soil", **setting}
         scene["bodies"] = [{**geometry, "sheet": sheet}]
     elif key in BodyConfig.model_fields:
         scene["bodies"][0][key] = value
@@ -142,6 +148,7 @@ def scene_with(setting):
         scene["bodies"] *= 2
         scene["terms"] = [{"kind": "heat_flux", "heat_flux": 10, "on": setting}]
     elif key == "on":
+        scene["bodies"] *= 3
         scene["terms"] = [{"kind": "heat_flux", "heat_flux": 10, **setting}]
     elif key in ("place", "start", "clear_sky"):
         site = {"latitude": 48, "longitude": 11}

@@ -36,6 +36,7 @@ GIVEN = {
     "docs/guide/python.md": "512 MiB",
     "docs/guide/results.md": "0.01 K; 655.35 K",
     "docs/guide/scene.md": "1 %; 1 min; 1.2 times; 25 degrees; 50 degrees",
+    "docs/guide/sheets.md": "0.8 mm; 1 min; 2 mm",
     "docs/guide/structures.md": "1 GiB; 15 000 nodes; 180 s; 5 %; 99.5 %",
     "docs/guide/sweeps.md": "0.1 %; 1 %; 3 %",
     "docs/scaling.md": "25 GB",
