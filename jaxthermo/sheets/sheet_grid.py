@@ -15,7 +15,8 @@ from ..geometry.vectors import triangle_normals, unit_vectors
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.lattice import Lattice
 from ..voxels.selection import FACES, AbstractSelection, AbstractSpace, SurfaceSamples
-from .cells import SheetCells, corner_thirds
+from .cells import SheetCells
+from .fragments import corner_thirds
 from .insides import SheetInsides, find_insides
 
 

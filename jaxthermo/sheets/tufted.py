@@ -14,7 +14,8 @@ from robust_laplacian import mesh_laplacian
 from scipy.sparse import coo_array, csr_array, diags_array
 
 from ..geometry.vectors import triangle_normals
-from .split import split_obtuse_borders
+from .borders import cut_at_feet, encroached_feet, obtuse_feet
+from .surface import proper_faces
 
 
 _DEGENERATE = 1e-10
@@ -22,6 +23,9 @@ _DEGENERATE = 1e-10
 
 _MOLLIFY_FACTOR = 1e-9
 """Lengthening of edges that makes a proper triangle of a degenerate one [-]."""
+
+_MAX_ROUNDS = 40
+"""Rounds of cuts of the border."""
 
 
 class PairWeights(NamedTuple):
@@ -34,21 +38,56 @@ class PairWeights(NamedTuple):
     """Conductance over the product of conductivity and thickness [-]; positive."""
 
 
+class _Tufted(NamedTuple):
+    """Triangles whose borders the Laplacian keeps."""
+
+    vertices: Float[np.ndarray, "w 3"]
+    """Positions [m]: those that were given, and then feet on the border."""
+    faces: Int[np.ndarray, "u 3"]
+    origin: Int[np.ndarray, " u"]
+    """Triangle that each one is a piece of."""
+
+
+def with_cut_borders(
+    vertices: Float[np.ndarray, "v 3"],
+    *,
+    faces: Int[np.ndarray, "t 3"],
+    part: Int[np.ndarray, " t"],
+) -> _Tufted:
+    """Cut the edges of the border of each part that its Laplacian would lose."""
+    origin = np.arange(len(faces))
+    for _ in range(_MAX_ROUNDS):
+        for number in np.unique(part):
+            chosen = faces[part[origin] == number]
+            chosen = chosen[proper_faces(chosen)]
+            feet = obtuse_feet(vertices, chosen)
+            if not len(feet.ends):
+                matrix = _laplacian(vertices, chosen)
+                feet = encroached_feet(vertices, chosen, matrix)
+            if len(feet.ends):
+                break
+        else:
+            break
+        faces, origin = cut_at_feet(
+            faces, origin=origin, feet=feet, first_vertex=len(vertices)
+        )
+        vertices = np.concatenate([vertices, feet.position])
+    return _Tufted(vertices=vertices, faces=faces, origin=origin)
+
+
 def triangle_weights(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"]
 ) -> PairWeights:
     """Conductances between the corners of triangles; borders are adiabatic."""
+    faces = faces[proper_faces(faces)]
     if not len(faces):
         nothing = np.zeros(0, np.int64)
         return PairWeights(src=nothing, dst=nothing, weight=np.zeros(0))
-    count = len(vertices)
-    points, cut_faces, _ = split_obtuse_borders(
-        vertices, faces=faces, origin=np.arange(len(faces))
-    )
-    laplacian = without_capacity(_laplacian(points, cut_faces), count)
-    entries = coo_array(laplacian)
+    cut = with_cut_borders(vertices, faces=faces, part=np.zeros(len(faces), np.int64))
+    laplacian = _laplacian(cut.vertices, cut.faces)
+    entries = coo_array(without_capacity(laplacian, len(vertices)))
     src, dst = entries.coords
-    conductance = -np.asarray(entries.data, np.float64)
+    conductance = np.asarray(entries.data, np.float64)
     # Rounding leaves conductances of 1e-17 of either sign at right angles.
     counted = (src < dst) & (conductance > 1e-12)
     order = np.lexsort([dst[counted], src[counted]])
@@ -78,24 +117,44 @@ def _laplacian(
     return csr_array((matrix.data, (used[row], used[column])), shape=shape)
 
 
-def without_capacity(laplacian: Any, count: int) -> Any:
-    """Eliminate all vertices but the first ones, which store no heat.
+def without_capacity(laplacian: Any, count: int) -> csr_array:
+    """Conductances after the elimination of all vertices but the first ones.
 
-    The Schur complement has no negative conductance either.
+    Those store no heat: what flows in flows out. The Schur complement has no negative
+    conductance either.
+
+    Args:
+        laplacian: symmetric matrix with rows that add up to 0.
+        count: number of vertices that stay.
     """
-    while laplacian.shape[0] > count:
-        total = laplacian.shape[0]
-        candidates = np.arange(count, total)
-        # Vertices that no earlier candidate is linked to are eliminated together.
-        block = coo_array(laplacian[count:, count:])
-        row, column = block.coords
-        waits = np.zeros(len(candidates), bool)
-        waits[row[(column < row) & (block.data != 0)]] = True
-        chosen = candidates[~waits]
-        remaining = np.concatenate([np.arange(count), candidates[waits]])
-        diagonal = laplacian.diagonal()[chosen]
-        inverse = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
-        coupling = laplacian[remaining][:, chosen]
-        reduced = laplacian[remaining][:, remaining]
-        laplacian = csr_array(reduced - coupling @ inverse @ coupling.T)
-    return laplacian
+    weights = _positive(-laplacian)
+    total = weights.shape[0]
+    waits = np.arange(total) >= count
+    # In a random order few of them wait for a neighbour, whatever their numbers.
+    priority = np.random.default_rng(0).permutation(total)
+    while waits.any():
+        entries = coo_array(weights)
+        row, column = entries.coords
+        both = waits[row] & waits[column] & (row != column)
+        first = np.full(total, total)
+        np.minimum.at(first, row[both], priority[column[both]])
+        eliminated = np.flatnonzero(waits & (priority < first))
+        coupling = csr_array(weights[eliminated])
+        sums = coupling.sum(axis=1)
+        inverse = diags_array(1 / np.where(sums > 0, sums, 1.0))
+        remains = np.ones(total)
+        remains[eliminated] = 0
+        mask = diags_array(remains)
+        weights = _positive(mask @ (weights + coupling.T @ inverse @ coupling) @ mask)
+        waits[eliminated] = False
+    return csr_array(weights[:count, :count])
+
+
+def _positive(weights: Any) -> Any:
+    """Positive entries off the diagonal."""
+    entries = coo_array(weights)
+    row, column = entries.coords
+    counted = (row != column) & (entries.data > 0)
+    return csr_array(
+        (entries.data[counted], (row[counted], column[counted])), shape=entries.shape
+    )

@@ -15,6 +15,7 @@ from ..arrays import unique_rows
 from ..geometry.mesh import Mesh, edges_of
 from ..geometry.refine import cut_faces
 from ..geometry.vectors import row_dot, triangle_normals
+from .surface import proper_faces
 
 
 DEFAULT_WELD = 1e-5
@@ -211,6 +212,7 @@ def open_seams(
 
     Borders of faces that share a vertex are no seam: a corner, or a thin strip.
     """
+    faces = faces[proper_faces(faces)]
     edges = edges_of(faces)
     border = np.flatnonzero(edges.uses[edges.edge] == 1)
     start = vertices[edges.start[border]]

@@ -1,0 +1,214 @@
+"""Nodes of a sheet: which vertices of its triangles belong to which node."""
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ..arrays import rank_in_group, sorted_union, unique_rows
+from ..geometry.vectors import row_dot
+from .surface import Surface
+
+
+_ORIGIN = 0.4877
+"""Distance from the lattice's lowest corner to the mesh's [cells].
+
+About a half: flat faces of a box of whole cells run through the middle of cells. No
+fraction of two: the middles of edges do not fall on the border between two cells.
+"""
+
+_SMALL = 0.3
+"""Area of a node over its largest neighbour's below which it joins a neighbour [-]."""
+
+_TINY = 0.1
+"""The same limit after vertices have moved to the nearest node [-]."""
+
+_ROUNDS = 2
+"""Number of times that vertices move to the nearest node, and nodes to their middle."""
+
+_SWEEPS = 4
+"""Number of edges over which a vertex may find a nearer node, in one round."""
+
+
+def cell_nodes(
+    surface: Surface, lower: Float[np.ndarray, "3"], pitch: float
+) -> Int[np.ndarray, " v"]:
+    """Divide a surface into connected nodes about as large as a cell of a lattice.
+
+    Nodes start as the connected parts of the surface within each cell. The lattice cuts
+    corners off: parts much smaller than a neighbour join one. Then each vertex goes to
+    the nearest node that it can reach along the surface, as in Lloyd's relaxation: the
+    triangles between such nodes do not overlap, and cuts through a narrow strip are at
+    right angles to it.
+
+    Args:
+        surface: triangles with edges of at most half a cell.
+        lower: lowest corner of the mesh [m].
+        pitch: edge of a cell [m].
+    """
+    cell = np.floor((surface.vertices - lower) / pitch + _ORIGIN).astype(np.int64)
+    _, cell_number = unique_rows(cell)
+    node = _connected(surface, cell_number)
+    node = _without_small(surface, node, _SMALL)
+    for _ in range(_ROUNDS):
+        node = _nearest(surface, node, node_positions(surface, node))
+    return _without_small(surface, node, _TINY)
+
+
+def _connected(surface: Surface, label: Int[np.ndarray, " v"]) -> Int[np.ndarray, " v"]:
+    """Number the connected parts of equal label."""
+    count = len(surface.vertices)
+    start, end = surface.neighbours.T
+    within = (label[start] == label[end]) & (start < end)
+    ends = (start[within], end[within])
+    graph = coo_array((np.ones(len(ends[0]), bool), ends), shape=(count, count))
+    _, node = connected_components(graph, directed=False)
+    return node.astype(np.int64)
+
+
+def _without_small(
+    surface: Surface,
+    node: Int[np.ndarray, " v"],
+    limit: float,
+    *,
+    stays: Int[np.ndarray, " k"] | None = None,
+) -> Int[np.ndarray, " v"]:
+    """Join small nodes to the neighbour that they share most edges with."""
+    # Once: a strip at a plate, narrower than a cell, would be joined node by node.
+    count = int(node.max()) + 1
+    area = np.bincount(node, surface.vertex_area, count)
+    start, end = node[surface.neighbours].T
+    across = start != end
+    pairs, shared = np.unique((start * count + end)[across], return_counts=True)
+    source = pairs // count
+    target = pairs % count
+    largest = np.zeros(count)
+    np.maximum.at(largest, source, area[target])
+    # In the order of their areas, so that no two join each other.
+    larger = (area[target] > area[source]) | (
+        (area[target] == area[source]) & (target > source)
+    )
+    candidates = np.flatnonzero((area < limit * largest)[source] & larger)
+    order = candidates[np.lexsort([shared[candidates], source[candidates]])]
+    joined = np.arange(count)
+    # The last of each source, with the most shared edges, stays.
+    joined[source[order]] = target[order]
+    if stays is not None:
+        joined[stays] = stays
+    while (joined[joined] != joined).any():
+        joined = joined[joined]
+    _, node = np.unique(joined[node], return_inverse=True)
+    return node
+
+
+def with_border_nodes(
+    surface: Surface,
+    node: Int[np.ndarray, " v"],
+    *,
+    position: Float[np.ndarray, "n 3"],
+    ends: Int[np.ndarray, "k 2"],
+    feet: Float[np.ndarray, "k 3"],
+) -> Int[np.ndarray, " v"]:
+    """Give the border more nodes, between two that are too far from each other.
+
+    Args:
+        surface: its triangles.
+        node: node of each vertex.
+        position: position of each node [m].
+        ends: two nodes at the border, for each new node.
+        feet: position of the new node [m].
+    """
+    line = sorted_union(surface.border.ravel(), surface.creases.ravel())
+    line = line[np.argsort(node[line], kind="stable")]
+    # The vertices on the border of both nodes.
+    between = ends.ravel()
+    first = np.searchsorted(node[line], between)
+    counts = np.searchsorted(node[line], between, side="right") - first
+    entry = np.repeat(np.arange(len(between)), counts)
+    vertex = line[np.repeat(first, counts) + rank_in_group(entry)]
+    foot = entry // 2
+    distance = np.linalg.norm(surface.vertices[vertex] - feet[foot], axis=1)
+    present = np.linalg.norm(surface.vertices[vertex] - position[node[vertex]], axis=1)
+    order = np.lexsort([distance, foot])
+    order = order[np.diff(foot[order], prepend=-1) != 0]
+    order = order[distance[order] < present[order]]
+    node = node.copy()
+    node[vertex[order]] = len(position) + foot[order]
+    node = _nearest(surface, node, np.concatenate([position, feet]))
+    return _without_small(surface, node, _TINY, stays=node[vertex[order]])
+
+
+def _nearest(
+    surface: Surface,
+    node: Int[np.ndarray, " v"],
+    position: Float[np.ndarray, "n 3"],
+) -> Int[np.ndarray, " v"]:
+    """Move vertices to the nearest node that a neighbour belongs to."""
+    start, end = surface.neighbours.T
+    node = node.copy()
+    for _ in range(_SWEEPS):
+        across = np.flatnonzero(node[start] != node[end])
+        vertex = start[across]
+        offered = node[end[across]]
+        distance = _distances(surface.vertices[vertex], position[offered])
+        first = np.flatnonzero(np.diff(vertex, prepend=-1))
+        nearest = np.minimum.reduceat(distance, first)
+        counts = np.diff(first, append=len(vertex))
+        hits = np.flatnonzero(distance == np.repeat(nearest, counts))
+        hits = hits[np.diff(vertex[hits], prepend=-1) != 0]
+        moving = vertex[hits]
+        present = _distances(surface.vertices[moving], position[node[moving]])
+        nearer = nearest < (1 - 1e-9) * present
+        if not nearer.any():
+            break
+        node[moving[nearer]] = offered[hits[nearer]]
+    return _connected(surface, node)
+
+
+def _distances(
+    points: Float[np.ndarray, "k 3"], targets: Float[np.ndarray, "k 3"]
+) -> Float[np.ndarray, " k"]:
+    offset = points - targets
+    return np.sqrt(row_dot(offset, offset))
+
+
+def node_positions(
+    surface: Surface, node: Int[np.ndarray, " v"]
+) -> Float[np.ndarray, "n 3"]:
+    """Positions of the nodes [m].
+
+    The first of these that the node has: the mean of the corners of the free border in
+    it; of the free border, by length; of the corners of creases, and of the creases; of
+    its surface, by area. With the mean of the surface everywhere the border would
+    shrink by half a cell, and paths over a crease would be too short.
+    """
+    vertices = surface.vertices
+    count = int(node.max()) + 1
+    position = np.zeros((count, 3))
+    centroid = vertices[surface.faces].mean(axis=1, keepdims=True)
+    thirds = (5 * vertices[surface.faces] + 7 * centroid) / 12
+    # Those with precedence are written last.
+    weighted = [
+        (
+            node[surface.faces].ravel(),
+            np.repeat(surface.area / 3, 3),
+            thirds.reshape(-1, 3),
+        )
+    ]
+    for ends, is_corner in (
+        (surface.creases, surface.crease_corners),
+        (surface.border, surface.border_corners),
+    ):
+        points = vertices[ends]
+        half = np.linalg.norm(points[:, 1] - points[:, 0], axis=1) / 2
+        halves = (3 * points + points[:, ::-1]) / 4
+        weighted.append((node[ends].ravel(), np.repeat(half, 2), halves.reshape(-1, 3)))
+        corners = np.flatnonzero(is_corner)
+        weighted.append((node[corners], np.ones(len(corners)), vertices[corners]))
+    for member, weight, points in weighted:
+        total = np.bincount(member, weight, count)
+        has_some = total > 0
+        for axis, column in enumerate(points.T):
+            sums = np.bincount(member, weight * column, count)
+            position[has_some, axis] = sums[has_some] / total[has_some]
+    return position

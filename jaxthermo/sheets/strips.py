@@ -1,0 +1,188 @@
+"""Nodes of strips that are narrower than a cell, and their two borders."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from ..arrays import rank_in_group, sorted_union
+from ..geometry.vectors import row_dot
+from .surface import Surface, summed_rows
+
+
+class Strips(NamedTuple):
+    """Nodes across which a strip runs from one border to another."""
+
+    node: Int[np.ndarray, " d"]
+    borders: Float[np.ndarray, "d 2 3"]
+    """Point of each node on either border, opposite each other [m]."""
+    is_second: Bool[np.ndarray, " v"]
+    """True for vertices of these nodes that are nearer to the second border."""
+
+
+class _Arcs(NamedTuple):
+    """Connected parts of the free border within a node, but no closed ones."""
+
+    vertex: Int[np.ndarray, " b"]
+    """Vertices on them."""
+    arc: Int[np.ndarray, " b"]
+    """Arc of each of these vertices, from 0."""
+    node: Int[np.ndarray, " a"]
+    """Node of each arc; sorted."""
+
+
+class _Sides(NamedTuple):
+    """A point on each side of a node, and the vertices of the surface there."""
+
+    node: Int[np.ndarray, " d"]
+    borders: Float[np.ndarray, "d 2 3"]
+    anchors: Int[np.ndarray, " k"]
+    anchor_side: Int[np.ndarray, " k"]
+    """0 or 1."""
+
+
+def strips(surface: Surface, node: Int[np.ndarray, " v"]) -> Strips:
+    """Nodes with two borders: within a strip, and at the end of one."""
+    arcs = _border_arcs(surface, node)
+    middles = _middles(surface, node, arcs)
+    ends = _ends(surface, node, arcs)
+    anchors = np.concatenate([middles.anchors, ends.anchors])
+    is_second = np.zeros(len(node), bool)
+    if len(anchors):
+        side = np.zeros(len(node), np.int64)
+        side[anchors] = np.concatenate([middles.anchor_side, ends.anchor_side])
+        nearest = _nearest_anchor(surface, node, anchors)
+        is_second = (nearest >= 0) & (side[np.maximum(nearest, 0)] == 1)
+    return Strips(
+        node=np.concatenate([middles.node, ends.node]),
+        borders=np.concatenate([middles.borders, ends.borders]),
+        is_second=is_second,
+    )
+
+
+def neighbour_counts(
+    surface: Surface, node: Int[np.ndarray, " v"]
+) -> Int[np.ndarray, " n"]:
+    """Number of nodes that each node is joined to along the surface."""
+    count = int(node.max()) + 1
+    start, end = node[surface.neighbours].T
+    key = sorted_union(start * count + end)
+    source = key // count
+    return np.bincount(source[source != key % count], minlength=count)
+
+
+def _border_arcs(surface: Surface, node: Int[np.ndarray, " v"]) -> _Arcs:
+    border = surface.border
+    vertex, ends = np.unique(border, return_inverse=True)
+    ends = ends.reshape(-1, 2)
+    ends = ends[node[border[:, 0]] == node[border[:, 1]]]
+    shape = (len(vertex), len(vertex))
+    graph = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=shape)
+    count, label = connected_components(graph, directed=False)
+    links = np.bincount(label[ends[:, 0]], minlength=count)
+    is_open = links < np.bincount(label, minlength=count)
+    arc_node = np.zeros(count, np.int64)
+    arc_node[label] = node[vertex]
+    order = np.flatnonzero(is_open)
+    order = order[np.argsort(arc_node[order], kind="stable")]
+    number = np.full(count, -1)
+    number[order] = np.arange(len(order))
+    on_open = is_open[label]
+    return _Arcs(
+        vertex=vertex[on_open], arc=number[label[on_open]], node=arc_node[order]
+    )
+
+
+def _middles(surface: Surface, node: Int[np.ndarray, " v"], arcs: _Arcs) -> _Sides:
+    """Nodes with two arcs: the corners on each, or else its nearest point."""
+    count = int(node.max()) + 1
+    is_divided = np.bincount(arcs.node, minlength=count) == 2
+    side = rank_in_group(arcs.node)
+    area = np.bincount(node, surface.vertex_area, count)
+    moment = surface.vertex_area[:, None] * surface.vertices
+    mean = summed_rows(node, moment, count) / area[:, None]
+    arc_of = np.full(len(node), -1)
+    arc_of[arcs.vertex] = arcs.arc
+    # Each edge of the border, from each of its ends: parts of it outside the node too.
+    ends = np.concatenate([surface.border, surface.border[:, ::-1]])
+    arc = arc_of[ends[:, 0]]
+    counted = (arc >= 0) & is_divided[node[ends[:, 0]]]
+    ends = ends[counted]
+    arc = arc[counted]
+    start = surface.vertices[ends[:, 0]]
+    along = surface.vertices[ends[:, 1]] - start
+    offset = mean[node[ends[:, 0]]] - start
+    square = row_dot(along, along)
+    fraction = np.clip(row_dot(offset, along) / np.where(square > 0, square, 1), 0, 1)
+    point = start + fraction[:, None] * along
+    miss = np.linalg.norm(offset - fraction[:, None] * along, axis=1)
+    order = np.lexsort([miss, arc])
+    order = order[np.diff(arc[order], prepend=-1) != 0]
+    points = np.zeros((len(arcs.node), 3))
+    points[arc[order]] = point[order]
+    is_corner = surface.border_corners[arcs.vertex]
+    corner_arc = arcs.arc[is_corner]
+    corners = np.bincount(corner_arc, minlength=len(arcs.node))
+    for axis, column in enumerate(surface.vertices[arcs.vertex[is_corner]].T):
+        sums = np.bincount(corner_arc, column, len(arcs.node))
+        points[corners > 0, axis] = sums[corners > 0] / corners[corners > 0]
+    chosen = is_divided[arcs.node]
+    on_chosen = chosen[arcs.arc]
+    return _Sides(
+        node=np.flatnonzero(is_divided),
+        borders=points[chosen].reshape(-1, 2, 3),
+        anchors=arcs.vertex[on_chosen],
+        anchor_side=side[arcs.arc[on_chosen]],
+    )
+
+
+def _ends(surface: Surface, node: Int[np.ndarray, " v"], arcs: _Arcs) -> _Sides:
+    """Nodes with a single arc around an end: the two corners farthest apart."""
+    count = int(node.max()) + 1
+    corners = arcs.vertex[surface.border_corners[arcs.vertex]]
+    degree = neighbour_counts(surface, node)
+    is_end = np.bincount(node[corners], minlength=count) >= 2
+    is_end &= np.bincount(arcs.node, minlength=count) == 1
+    # A notch in the border of a plate has more neighbours.
+    is_end &= (degree >= 1) & (degree <= 2)
+    corners = corners[is_end[node[corners]]]
+    pairs = []
+    for number in np.flatnonzero(is_end):
+        members = corners[node[corners] == number]
+        points = surface.vertices[members]
+        gaps = np.linalg.norm(points[:, None] - points, axis=2)
+        farthest = np.unravel_index(gaps.argmax(), gaps.shape)
+        pairs.append([number, *members[list(farthest)]])
+    ends = np.array(pairs, np.int64).reshape(-1, 3)
+    return _Sides(
+        node=ends[:, 0],
+        borders=surface.vertices[ends[:, 1:]],
+        anchors=ends[:, 1:].ravel(),
+        anchor_side=np.tile([0, 1], len(ends)),
+    )
+
+
+def _nearest_anchor(
+    surface: Surface, node: Int[np.ndarray, " v"], anchors: Int[np.ndarray, " a"]
+) -> Int[np.ndarray, " v"]:
+    """Nearest of some vertices in the same node, along edges; negative for none."""
+    start, end = surface.neighbours.T
+    has_anchor = np.zeros(int(node.max()) + 1, bool)
+    has_anchor[node[anchors]] = True
+    within = (node[start] == node[end]) & has_anchor[node[start]]
+    start = start[within]
+    end = end[within]
+    length = np.linalg.norm(surface.vertices[start] - surface.vertices[end], axis=1)
+    # Zeros are no edges to scipy.
+    length += 1e-9 * length.max(initial=1e-300)
+    graph = csr_array((length, (start, end)), shape=(len(node), len(node)))
+    _, _, nearest = dijkstra(
+        graph,
+        directed=False,
+        indices=anchors,
+        min_only=True,
+        return_predecessors=True,
+    )
+    return nearest

@@ -1,0 +1,123 @@
+"""Triangles of a sheet with the areas, faces and parts of the mesh they stand for."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..arrays import sorted_union
+from ..geometry.mesh import edges_of
+from ..geometry.vectors import row_dot, unit_vectors
+
+
+SHARP_TURN = float(np.cos(np.radians(30)))
+"""Cosine of the turn from which a border has a corner, and a surface a crease."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Welded triangles of a sheet, cut as finely as its nodes need."""
+
+    vertices: Float[np.ndarray, "v 3"]
+    """Positions [m]."""
+    faces: Int[np.ndarray, "t 3"]
+    """Vertices of each triangle. Two may be equal where welding collapsed a face."""
+    area: Float[np.ndarray, " t"]
+    """Area of the mesh that each triangle stands for [m^2]."""
+    origin: Int[np.ndarray, " t"]
+    """Face of the mesh that each triangle is a piece of."""
+    part: Int[np.ndarray, " t"]
+    """Part of the mesh that each triangle belongs to."""
+    normal: Float[np.ndarray, "t 3"]
+    """Unit normal of the face of the mesh."""
+
+    @cached_property
+    def edges(self) -> Any:
+        """Half-edges of the proper faces, as by `edges_of`."""
+        return edges_of(self.faces[self.is_proper])
+
+    @cached_property
+    def is_proper(self) -> Bool[np.ndarray, " t"]:
+        """False for faces that welding has collapsed: they have areas, but no edges."""
+        return proper_faces(self.faces)
+
+    @cached_property
+    def neighbours(self) -> Int[np.ndarray, "e 2"]:
+        """Pairs of vertices that an edge joins, in both orders; sorted."""
+        count = len(self.vertices)
+        start = self.edges.start
+        end = self.edges.end
+        proper = start != end
+        key = np.concatenate([start * count + end, end * count + start])
+        key = sorted_union(key[np.concatenate([proper, proper])])
+        return np.stack([key // count, key % count], axis=1)
+
+    @cached_property
+    def vertex_area(self) -> Float[np.ndarray, " v"]:
+        """A third of the area of the triangles at each vertex [m^2]."""
+        corners = self.faces.ravel()
+        return np.bincount(corners, np.repeat(self.area / 3, 3), len(self.vertices))
+
+    @cached_property
+    def border(self) -> Int[np.ndarray, "b 2"]:
+        """Ends of the edges of the free border."""
+        alone = self.edges.uses[self.edges.edge] == 1
+        return np.stack([self.edges.start[alone], self.edges.end[alone]], axis=1)
+
+    @cached_property
+    def creases(self) -> Int[np.ndarray, "c 2"]:
+        """Ends of the edges of creases, of branches and between parts."""
+        edges = self.edges
+        order = np.argsort(edges.edge, kind="stable")
+        first = order[np.diff(edges.edge[order], prepend=-1) != 0]
+        pairs = order[edges.uses[edges.edge[order]] == 2].reshape(-1, 2)
+        # Faces of opposite winding run along their edge in the same direction.
+        winding = np.where(
+            edges.start[pairs[:, 0]] == edges.start[pairs[:, 1]], -1.0, 1.0
+        )
+        normal = self.normal[self.is_proper][pairs // 3]
+        cosine = winding * row_dot(normal[:, 0], normal[:, 1])
+        part = self.part[self.is_proper][pairs // 3]
+        sharp = (cosine < SHARP_TURN) | (part[:, 0] != part[:, 1])
+        crease = np.concatenate(
+            [pairs[sharp, 0], first[edges.uses[edges.edge[first]] > 2]]
+        )
+        ends = np.stack([edges.start[crease], edges.end[crease]], axis=1)
+        return ends[ends[:, 0] != ends[:, 1]]
+
+    @cached_property
+    def border_corners(self) -> Bool[np.ndarray, " v"]:
+        """Flag vertices where the free border turns, branches or ends."""
+        return self._turns(self.border)
+
+    @cached_property
+    def crease_corners(self) -> Bool[np.ndarray, " v"]:
+        """Flag vertices where creases turn, branch or end."""
+        return self._turns(self.creases)
+
+    def _turns(self, ends: Int[np.ndarray, "e 2"]) -> Bool[np.ndarray, " v"]:
+        count = len(self.vertices)
+        along = unit_vectors(self.vertices[ends[:, 1]] - self.vertices[ends[:, 0]])
+        uses = np.bincount(ends.ravel(), minlength=count)
+        # Away from the vertex in both edges: straight on, they cancel.
+        away = summed_rows(ends[:, 0], along, count)
+        away -= summed_rows(ends[:, 1], along, count)
+        # |a + b|^2 = 2 + 2 cos, which is 2 - 2 cos of the turn.
+        turns = row_dot(away, away) > 2 - 2 * SHARP_TURN
+        return (uses > 0) & ((uses != 2) | turns)
+
+
+def proper_faces(faces: Int[np.ndarray, "t 3"]) -> Bool[np.ndarray, " t"]:
+    """Flag faces with three different corners."""
+    return (faces != np.roll(faces, 1, axis=1)).all(1)
+
+
+def summed_rows(
+    entry: Int[np.ndarray, " k"], rows: Float[np.ndarray, "k 3"], count: int
+) -> Float[np.ndarray, "n 3"]:
+    """Sums of the rows of each entry."""
+    sums = [np.bincount(entry, column, count) for column in rows.T]
+    # Counts of nothing are integers to numpy.
+    return np.stack(sums, axis=1).astype(np.float64)
