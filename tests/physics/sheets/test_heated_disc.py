@@ -77,6 +77,17 @@ def junction_of_three(loss, pitch):
     return reading, [along_strip(sheet, number) for number in range(3)]
 
 
+def test_three_strips_meet_at_a_third_of_the_temperature():
+    reading, ways = junction_of_three(loss=0.0, pitch=0.01)
+    # Nodes at the edge hold parts of all three strips: they are near it, not on it.
+    for way in ways:
+        is_on_strip = way > 0.015
+        _, at_edge = np.polyfit(
+            way[is_on_strip], reading.temperature[is_on_strip] - AIR, 1
+        )
+        assert at_edge == pytest.approx(100 / 3, rel=1e-4)
+
+
 @pytest.mark.slow
 def test_three_strips_with_a_loss_are_fins_of_one_base():
     loss = 10.0
