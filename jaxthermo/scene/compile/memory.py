@@ -40,6 +40,8 @@ class _Parts(NamedTuple):
     """Values of a state whose lattice has cut voxels."""
     nodes: float = 0
     links: float = 0
+    column_cells: float = 0
+    """Cells of columns through a thickness."""
 
     def bytes_of(self, counts: "_Parts") -> float:
         """Return the sum over all parts of their number times these bytes [bytes]."""
@@ -86,6 +88,11 @@ _SOLVES_LINKS: dict[Method, _Parts] = {"implicit": _Parts(links=60)}
 # what the allocator and the programs hold [bytes].
 _RUNTIME_LINKS = _Parts(values=4, links=5)
 _RUNTIME_STENCIL = 8_000_000
+# Explicit steps eliminate columns: factors, and right-hand sides on the way.
+_RUNTIME_COLUMNS: dict[Method, _Parts] = {
+    "euler": _Parts(column_cells=167),
+    "stages": _Parts(column_cells=167),
+}
 
 _KEPT_DOUBLE = 1.2
 """Ratio of the memory kept in float64 to that in float32: geometry is always in
@@ -172,6 +179,8 @@ def _body_forecast(
         step_bytes = _STEPS_LINKS[method]
         solves = _SOLVES_LINKS
         runtime = _RUNTIME_LINKS.bytes_of(counts) * width / 4
+        eliminated = _RUNTIME_COLUMNS.get(method, _Parts())
+        runtime += eliminated.bytes_of(counts) * width / 4
     retained += solves.get(method, _Parts()).bytes_of(counts)
     retained += (snapshots - 1) * _KEPT_SNAPSHOT.bytes_of(read)
     if has_varying_links(body):
@@ -219,6 +228,7 @@ def _counts(structure: AbstractStructure) -> _Parts:
     is_stencil = len(structure.state_shape) == 3
     cut = grid.cut_voxel_count
     values = int(np.prod(structure.state_shape, dtype=float))
+    columns = structure.columns()
     # Those of a stencil would be counted among all its voxels, and are not needed.
     surface, links = (0, 0) if is_stencil else _surface_and_links(structure)
     return _Parts(
@@ -230,6 +240,7 @@ def _counts(structure: AbstractStructure) -> _Parts:
         cut_values=values if cut else 0,
         nodes=structure.node_count,
         links=links,
+        column_cells=0 if columns is None else columns.link.size,
     )
 
 
