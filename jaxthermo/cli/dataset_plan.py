@@ -178,7 +178,7 @@ def _world(body: BodyConfig, time: float) -> WorldMesh:
     """Mesh of a body in the world at a time [s]."""
     mesh = body.build_grid().mesh if body.solid is not None else body.build_mesh()
     vertices = body.pose.build().at(time).to_world(mesh.vertices)
-    return WorldMesh(vertices, mesh.faces)
+    return WorldMesh(vertices, mesh.faces, is_two_sided=body.wall is not None)
 
 
 def _check_views(plan: DatasetPlan) -> None:

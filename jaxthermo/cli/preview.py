@@ -13,6 +13,7 @@ from ..image.colour.annotate import write_png
 from ..image.colour.preview import draw_preview
 from ..image.surface.abstract_camera import AbstractCamera
 from ..image.surface.camera import Camera, OrthographicCamera
+from ..image.surface.visible import WorldMesh
 
 
 _FILE = "preview.png"
@@ -38,7 +39,14 @@ def preview(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
     print_line(console, _camera_line(camera))
     with results_folder(out or Path("results") / config.stem) as folder:
         with status(console, "drawing"):
-            bodies = list(zip(meshes, poses, strict=True))
+            bodies = [
+                WorldMesh(
+                    vertices=pose.to_world(mesh.vertices),
+                    faces=mesh.faces,
+                    is_two_sided=body.wall is not None,
+                )
+                for body, mesh, pose in zip(scene.bodies, meshes, poses, strict=True)
+            ]
             image, visible = draw_preview(bodies, camera, scene.name or "")
             write_png(folder / _FILE, image)
         for number in sorted(set(range(len(meshes))) - set(visible)):

@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw
 
-from ...geometry.mesh import Mesh, Pose
 from ...geometry.vectors import row_dot, unit_vectors
 from ..surface.abstract_camera import AbstractCamera
 from ..surface.facets import smooth_normals
@@ -25,12 +24,12 @@ _MIN_ARROW = 0.08
 
 
 def draw_preview(
-    bodies: Sequence[tuple[Mesh, Pose]], camera: AbstractCamera, title: str = ""
+    bodies: Sequence[WorldMesh], camera: AbstractCamera, title: str = ""
 ) -> tuple[Image.Image, list[int]]:
     """Draw bodies with a light at the camera, their numbers, and the world's axes.
 
     Args:
-        bodies: mesh and pose of each.
+        bodies: their meshes in the world.
         camera: of the frames.
         title: text below the image.
 
@@ -38,13 +37,10 @@ def draw_preview(
         The picture, and the numbers of the bodies in it.
 
     Raises:
-        InputError: if the camera is inside a body or sees none.
+        InputError: if the camera is inside a solid body or sees none.
     """
     fine = camera.finer(_SAMPLES)
-    world = tuple(
-        WorldMesh(pose.to_world(mesh.vertices), mesh.faces) for mesh, pose in bodies
-    )
-    visible = visible_points(world, fine)
+    visible = visible_points(tuple(bodies), fine)
     colours = _shaded(bodies, visible, fine)
     width, height = camera.size
     pixels = averaged(colours, _SAMPLES)
@@ -65,17 +61,20 @@ def draw_preview(
 
 
 def _shaded(
-    bodies: Sequence[tuple[Mesh, Pose]], visible: VisiblePoints, camera: AbstractCamera
+    bodies: Sequence[WorldMesh], visible: VisiblePoints, camera: AbstractCamera
 ) -> UInt8[np.ndarray, "h w 3"]:
     colours = np.empty(visible.position.shape, np.uint8)
     to_eye = unit_vectors(np.asarray(camera.position) - visible.position)
-    for number, (mesh, pose) in enumerate(bodies):
+    for number, body in enumerate(bodies):
         on_body = np.flatnonzero(visible.body == number)
-        point = pose.to_body(visible.position[on_body])
+        # The back of a thin wall has the normals of its front, turned round.
         normal = smooth_normals(
-            mesh.vertices, faces=mesh.faces, face=visible.face[on_body], points=point
+            body.vertices,
+            faces=body.faces,
+            face=visible.face[on_body] % len(body.faces),
+            points=visible.position[on_body],
         )
-        facing = row_dot(pose.rotate(normal), to_eye[on_body])
+        facing = row_dot(normal, to_eye[on_body])
         # A face that is wound the wrong way round is lit from both sides.
         light = 0.2 + 0.8 * np.abs(facing)[:, None]
         base = np.array(_BODIES[number % len(_BODIES)])

@@ -10,6 +10,7 @@ import jaxthermo as jt
 from calibrate.config.loader import load_calibration
 from calibrate.problem.outlines import fit_outlines
 from jaxthermo.image.pose.coverage import coverage
+from jaxthermo.image.surface.visible import WorldMesh
 from tests.calibrating import assert_poses_are_the_truth, values_of_aligned_fit
 
 
@@ -41,7 +42,7 @@ def test_outlines_give_the_pose_of_a_camera_with_a_lens():
     mesh = jt.shapes.box((0.08, 0.06, 0.1))
     turned = Rotation.from_rotvec((0.2, 0.7, 0.1)).apply(mesh.vertices)
     bodies = tuple(
-        (turned + shift, mesh.faces) for shift in ([0, 0, 0], [-0.1, 0.05, 0])
+        WorldMesh(turned + shift, mesh.faces) for shift in ([0, 0, 0], [-0.1, 0.05, 0])
     )
     camera = jt.Camera.calibrated(K, 64, 48, DISTORTION, **POSE)
     fraction = coverage(bodies, camera, 16).fraction

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 import jaxthermo as jt
 from calibrate.problem.outlines import fit_outlines
 from jaxthermo.image.pose.coverage import coverage
+from jaxthermo.image.surface.visible import WorldMesh
 
 
 CAMERA = jt.Camera(
@@ -23,7 +24,9 @@ def bodies():
     """A turned block and one behind it."""
     mesh = jt.shapes.box((0.08, 0.06, 0.1))
     turned = Rotation.from_rotvec((0.2, 0.7, 0.1)).apply(mesh.vertices)
-    return tuple((turned + shift, mesh.faces) for shift in ([0, 0, 0], [-0.1, 0.05, 0]))
+    return tuple(
+        WorldMesh(turned + shift, mesh.faces) for shift in ([0, 0, 0], [-0.1, 0.05, 0])
+    )
 
 
 @pytest.fixture(scope="module")
