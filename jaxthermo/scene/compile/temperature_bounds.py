@@ -14,6 +14,9 @@ that loses heat: T_f is the temperature above which fragment f loses at least it
 flux q_f and its part of the heat of its node, see `equilibrium` of a law. Surfaces are
 hotter than their nodes by Q_f / G_f at most. Lower bounds follow likewise from the
 first, with the heat that is extracted.
+
+Each group of bodies that exchange heat, by contact or by radiation, has its own bounds,
+of which the highest is that of the scene.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,7 +27,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from ...arrays import added, is_traced, namespace, taken, typed_array
 from ...constants import STEFAN_BOLTZMANN
@@ -95,14 +100,36 @@ def _imposes_heat(program: Program) -> bool:
     return has_sources or any(t.law.imposed_flux is not None for _, t in natural)
 
 
+def _groups(programs: Sequence[Program]) -> Bool[np.ndarray, "b b"]:
+    """Flag the bodies with which each body exchanges heat, directly or by others."""
+    count = len(programs[0].bodies)
+    if any(program.fine_enclosure is not None for program in programs):
+        return np.ones((count, count), bool)
+    joined = np.eye(count, dtype=bool)
+    for program in programs:
+        for contact in program.contacts:
+            first, second = contact.bodies
+            joined[first, second] = joined[second, first] = True
+    _, group = connected_components(coo_array(joined), directed=False)
+    return group[:, None] == group
+
+
+def _largest_of_group(
+    values: Float[Array, " b"], groups: Bool[np.ndarray, "b b"]
+) -> Float[Array, " b"]:
+    """Largest value among the bodies of the group of each body."""
+    return jnp.where(groups, values[None], -jnp.inf).max(axis=1)
+
+
 def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
+    largest = partial(_largest_of_group, groups=_groups(programs))
     heat = [_imposed_heat(program, end, 1.0) for program in programs]
-    nodes = around + _rise(heat, end=end, duration=duration)
+    nodes = around + largest(_rise(heat, end=end, duration=duration))
     bounds = partial(_surface_bounds, around=around, nodes=nodes, end=end)
-    reached = [bounds(program, received=jnp.zeros_like(around)) for program in programs]
-    by_rise = jnp.stack([one.by_rise for one in reached]).max()
-    beneath = jnp.stack([one.beneath for one in reached]).max()
-    by_loss = _by_loss(reached, beneath)
+    reached = [bounds(program, received=jnp.zeros_like(nodes)) for program in programs]
+    by_rise = largest(jnp.stack([one.by_rise for one in reached]).max(axis=0))
+    beneath = largest(jnp.stack([one.beneath for one in reached]).max(axis=0))
+    by_loss = _by_loss(reached, beneath, largest)
     if any(program.fine_enclosure is not None for program in programs):
         below = _GUESS * by_loss
         by_loss = jnp.full_like(by_loss, jnp.inf)
@@ -110,37 +137,38 @@ def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
             # Nodes send more than their colder surfaces emit.
             received = 4 * STEFAN_BOLTZMANN * below**3 * beneath
             reached = [bounds(program, received=received) for program in programs]
-            corrected = _by_loss(reached, beneath)
+            corrected = _by_loss(reached, beneath, largest)
             # Only a bound that is not above what it was computed from is one.
             holds = corrected <= below
             by_loss = jnp.where(holds, corrected, by_loss)
             below = jnp.where(holds, corrected, below)
-    highest = jnp.minimum(by_rise, by_loss)
+    highest = jnp.minimum(by_rise, by_loss).max()
     return jnp.where(jnp.isfinite(highest), highest, jnp.maximum(_HOTTEST, around))
 
 
 def _lowest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     heat = [_imposed_heat(program, end, -1.0) for program in programs]
-    fall = _rise(heat, end=end, duration=duration)
-    fall = fall + jnp.stack([one.excess for one in heat]).max()
-    return jnp.maximum(around - fall, 0)
+    largest = partial(_largest_of_group, groups=_groups(programs))
+    fall = largest(_rise(heat, end=end, duration=duration))
+    fall = fall + largest(jnp.stack([one.excess for one in heat]).max(axis=0))
+    return jnp.maximum(around - fall.max(), 0)
 
 
 class _ImposedHeat(NamedTuple):
-    """Effect of the imposed heat of a program on its nodes and surfaces."""
+    """Effect of the imposed heat of a program on each body."""
 
-    rate: Float[Array, ""]
+    rate: Float[Array, " b"]
     """Largest rise of a node, if every load has its largest value [K/s]."""
-    rises: Float[Array, " k"]
+    rises: Float[Array, "k b"]
     """Largest rise of a node by each load in the whole run [K]."""
-    excess: Float[Array, ""]
+    excess: Float[Array, " b"]
     """Largest excess of a surface over its node [K]; infinite on an insulator."""
 
 
-def _rise(heat: list[_ImposedHeat], end: float, duration: float) -> Float[Array, ""]:
-    """Largest rise of any node that imposed heat causes [K]."""
-    rate = jnp.stack([one.rate for one in heat]).max()
-    rises = jnp.stack([one.rises for one in heat]).max(axis=0).sum()
+def _rise(heat: list[_ImposedHeat], end: float, duration: float) -> Float[Array, " b"]:
+    """Largest rise of any node of each body that imposed heat causes [K]."""
+    rate = jnp.stack([one.rate for one in heat]).max(axis=0)
+    rises = jnp.stack([one.rises for one in heat]).max(axis=0).sum(axis=0)
     if duration > end:
         # The values at the end stay, and none of them exceeds the largest.
         return jnp.where(rate > 0, rate * duration, 0)
@@ -175,15 +203,15 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
             energies[number] = area * flux.integral
             total = total + area * flux.largest
     rates = []
-    rises: dict[int | str, list[Float[Array, ""]]] = {}
+    rises: dict[int | str, dict[int, Float[Array, ""]]] = {}
     excess = []
-    for body, fragments in _fragments_of(program):
+    for index, (body, fragments) in enumerate(_fragments_of(program)):
         network = body.network
         smallest = network.min_relative_capacity()
         capacity = network.capacity_at(body.address) * smallest
         for number, energy in energies.items():
             rise = (_sums(body, energy[fragments]) / capacity).max()
-            rises.setdefault(number, []).append(rise)
+            rises.setdefault(number, {})[index] = rise
         rate = _sums(body, total[fragments]) / capacity
         if body.sources:
             by_node = added(jnp.zeros_like(network.diagonal()), body.address, rate)
@@ -193,17 +221,23 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
                 # A term has the same values on all bodies.
                 name, _ = program.entries[source.entry]
                 rise = (per_density * density.integral).max()
-                rises.setdefault(name, []).append(rise)
+                by_body = rises.setdefault(name, {})
+                by_body[index] = jnp.maximum(by_body.get(index, 0), rise)
                 by_node = added(by_node, source.address, per_density * density.largest)
             rate = by_node
         rates.append(rate.max())
         conductance = half_cell[fragments] * network.min_relative_conductivity()
         excess.append(_over(total[fragments], conductance).max())
-    by_load = [jnp.stack(rise).max() for rise in rises.values()]
+    none = jnp.zeros_like(rates[0])
+    by_load = [
+        jnp.stack([by_body.get(index, none) for index in range(len(rates))])
+        for by_body in rises.values()
+    ]
+    rate = jnp.stack(rates)
     return _ImposedHeat(
-        rate=jnp.stack(rates).max(),
-        rises=jnp.stack([jnp.zeros_like(rates[0]), *by_load]),
-        excess=jnp.stack(excess).max(),
+        rate=rate,
+        rises=jnp.stack([jnp.zeros_like(rate), *by_load]),
+        excess=jnp.stack(excess),
     )
 
 
@@ -220,32 +254,33 @@ def _over(heat: Float[Array, " s"], conductance: Float[Array, " s"]):
 
 
 class _SurfaceBounds(NamedTuple):
-    """Bounds of surface temperatures of a program, from two bounds of the nodes."""
+    """Bounds of surface temperatures of each body, from two bounds of the nodes."""
 
-    by_rise: Float[Array, ""]
+    by_rise: Float[Array, " b"]
     """Highest surface temperature above nodes of a highest temperature [K]."""
-    level: Float[Array, ""]
+    level: Float[Array, " b"]
     """Surface temperature at which all imposed heat is lost [K]; infinite for none."""
-    beneath: Float[Array, ""]
+    beneath: Float[Array, " b"]
     """Largest excess of a heated node over that level [K]; infinite for none."""
-    excess: Float[Array, ""]
+    excess: Float[Array, " b"]
     """Largest excess over its node of a surface that loses no heat [K]."""
 
 
-def _by_loss(bounds: list[_SurfaceBounds], beneath) -> Float[Array, ""]:
-    level = jnp.stack([one.level for one in bounds]).max()
-    return level + beneath + jnp.stack([one.excess for one in bounds]).max()
+def _by_loss(bounds: list[_SurfaceBounds], beneath, largest) -> Float[Array, " b"]:
+    level = largest(jnp.stack([one.level for one in bounds]).max(axis=0))
+    excess = largest(jnp.stack([one.excess for one in bounds]).max(axis=0))
+    return level + beneath + excess
 
 
 @eqx.filter_jit
 def _surface_bounds(
     program: Program,
     around: Float[Array, ""],
-    nodes: Float[Array, ""],
-    received: Float[Array, ""],
+    nodes: Float[Array, " b"],
+    received: Float[Array, " b"],
     end: float,
 ) -> _SurfaceBounds:
-    """Highest temperatures of surfaces.
+    """Highest temperatures of the surfaces of each body.
 
     Args:
         program: of one snapshot.
@@ -265,7 +300,8 @@ def _surface_bounds(
     loses = jnp.isfinite(level(heat=jnp.asarray(half_cell > 0, half_cell.dtype)))
     beneath = []
     conductances = []
-    for body, fragments in _fragments_of(program):
+    parts = list(_fragments_of(program))
+    for body, fragments in parts:
         conductance = half_cell[fragments] * body.network.min_relative_conductivity()
         conductances.append(conductance)
         beneath.append(
@@ -278,15 +314,22 @@ def _surface_bounds(
         )
     conductance = jnp.concatenate(conductances)
     excess = _over(flux, conductance)
-    by_rise = jnp.minimum(nodes + excess, jnp.maximum(nodes, level(heat=flux)))
+    sizes = [fragments.stop - fragments.start for _, fragments in parts]
+    of_body = np.repeat(np.arange(len(sizes)), sizes)
+
+    def largest(values: Float[Array, " s"]) -> Float[Array, " b"]:
+        return jax.ops.segment_max(values, of_body, len(sizes))
+
+    node = nodes[of_body]
+    by_rise = jnp.minimum(node + excess, jnp.maximum(node, level(heat=flux)))
     over_surface = jnp.concatenate(beneath)
     from_node = jnp.where(over_surface > 0, conductance * over_surface, 0)
     lost = jnp.where(loses, flux + from_node, 0)
     return _SurfaceBounds(
-        by_rise=by_rise.max(),
-        level=level(heat=lost, received=received).max(),
-        beneath=over_surface.max(),
-        excess=jnp.where(loses, 0, excess).max(),
+        by_rise=largest(by_rise),
+        level=largest(level(heat=lost, received=received[of_body])),
+        beneath=largest(over_surface),
+        excess=largest(jnp.where(loses, 0, excess)),
     )
 
 
@@ -295,7 +338,7 @@ def _levels(
     around: Float[Array, ""],
     heat: Float[Array, " s"],
     end: float,
-    received: Float[Array, ""] | float = 0.0,
+    received: Float[Array, " s"] | float = 0.0,
 ) -> Float[Array, " s"]:
     """Temperature of every fragment above which it loses at least `heat` [K]."""
     lowest = jnp.full_like(heat, jnp.inf)

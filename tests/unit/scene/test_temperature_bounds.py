@@ -159,3 +159,21 @@ def test_the_integral_of_what_heats(value, sign, expected):
     largest, integral = dose(value, 10.0, sign)
     assert float(largest) == expected.largest
     assert expected.integral <= float(integral) <= expected.integral * 1.002
+
+
+def test_bodies_apart_do_not_heat_each_other():
+    """A source deep in one body says nothing about the air beside another."""
+    middle = Region((-0.01, -0.01, -0.01), (0.01, 0.01, 0.01))
+    structure = jt.FullVolume(jt.voxelize(jt.shapes.box((0.05, 0.05, 0.05)), PITCH))
+    block = jt.Body(structure, STEEL, temperature=START)
+    far = jt.Pose(translation=(1.0, 0.0, 0.0))
+    foil = jt.Body(
+        jt.FullVolume(bar(4, PITCH)), LIGHT_METAL, temperature=START, pose=far
+    )
+    source = jt.HeatSource(1e4, within=middle)
+    sun = jt.HeatFlux(500.0, on=Side((0.0, 0.0, 1.0), body=1))
+    air = jt.Convection(10.0, START)
+    _, of_block = _bounds(jt.Scene((block,), (source, air)))
+    _, of_foil = _bounds(jt.Scene((foil,), (jt.HeatFlux(500.0, on=TOP), air)))
+    _, of_both = _bounds(jt.Scene((block, foil), (source, sun, air)))
+    assert of_both == pytest.approx(max(of_block, of_foil), rel=1e-6)
