@@ -8,10 +8,10 @@ from jaxtyping import Int, UInt8
 from PIL import Image
 
 import jaxthermo as jt
-from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.image.colour.preview import draw_preview
 from jaxthermo.image.surface.camera import frame_all
+from jaxthermo.image.surface.visible import WorldMesh
 from jaxthermo.raster.fragments import DepthLayers
 from jaxthermo.report.layer_sheets import depth_bar, normal_legend
 from jaxthermo.report.sheet import Legend, Tile, enlarged, sheet
@@ -49,7 +49,7 @@ def _slices_and_peeling(_: bool) -> Finding:
     """Slice a mesh at two voxel sizes, and compare with depth peeling."""
     mesh = figurine(_TALL)
     camera = frame_all(mesh.triangles, 460, 460, (-0.35, 1.0, -0.25))
-    body = draw_preview([(mesh, Pose())], camera)[0]
+    body = draw_preview([WorldMesh(mesh.vertices, mesh.faces)], camera)[0]
     tiles = [Tile(np.asarray(body)[:460], "mesh", f"{len(mesh.faces):,} triangles")]
     numbers: dict[str, dict[str, float | bool]] = {}
     for name, height in (("large voxels", 16), ("small voxels", 48)):

@@ -141,5 +141,5 @@ def test_unknown_cases_are_refused():
 
 
 def test_the_island_has_a_gap():
-    solid = extremes._island_body().structure.grid.solid
+    solid = extremes._island_body().structure.voxels.solid
     assert solid.any(axis=(1, 2)).tolist() == [True] * 3 + [False] * 2 + [True] * 3

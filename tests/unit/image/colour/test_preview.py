@@ -5,15 +5,20 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.mesh import Pose
 from jaxthermo.image.colour.preview import _AXES, _BACKGROUND, draw_preview
 from jaxthermo.image.surface.camera import Camera, OrthographicCamera
+from jaxthermo.image.surface.visible import WorldMesh
 
 
 BOX = shapes.box((0.1, 0.1, 0.1))
 LEVEL = OrthographicCamera(
     (0.0, -1.0, 0.0), (0.0, 0.0, 0.0), view_height=0.4, width=240, height=200
 )
+
+
+def at(x=0.0):
+    """The box in the world, moved along x."""
+    return WorldMesh(BOX.vertices + np.array([x, 0.0, 0.0]), BOX.faces)
 
 
 def drawn(bodies, camera):
@@ -27,7 +32,7 @@ def spot(pixels, colour):
 
 
 def test_a_block_covers_the_pixels_that_its_size_says():
-    pixels, numbers = drawn([(BOX, Pose())], LEVEL)
+    pixels, numbers = drawn([at()], LEVEL)
     # 0.1 m of 0.4 m over 200 pixels; the axes are in a corner.
     middle = pixels[:, 90:150]
     covered = (middle != _BACKGROUND).any(-1)
@@ -40,7 +45,7 @@ def test_the_axes_point_where_they_point_in_the_image(up):
     camera = OrthographicCamera(
         (0.0, -1.0, 0.0), (0.0, 0.0, 0.0), view_height=0.4, up=up, width=240, height=200
     )
-    pixels, _ = drawn([(BOX, Pose())], camera)
+    pixels, _ = drawn([at()], camera)
     x, z = (spot(pixels, dict(_AXES)[name]) for name in "xz")
     # Looking along +y with z up, x is to the right; with x up, z is to the left.
     if up[2]:
@@ -50,13 +55,11 @@ def test_the_axes_point_where_they_point_in_the_image(up):
 
 
 def test_bodies_in_the_frame_are_named():
-    neighbour = (BOX, Pose(translation=(0.12, 0.0, 0.0)))
-    away = (BOX, Pose(translation=(3.0, 0.0, 0.0)))
-    _, numbers = drawn([(BOX, Pose()), away, neighbour], LEVEL)
+    _, numbers = drawn([at(), at(3.0), at(0.12)], LEVEL)
     assert numbers == [0, 2]
 
 
 def test_a_camera_that_sees_nothing_is_refused():
     camera = Camera((0.0, -1.0, 0.0), (0.0, -2.0, 0.0), width=20, height=20)
     with pytest.raises(InputError, match="sees no body"):
-        draw_preview([(BOX, Pose())], camera)
+        draw_preview([at()], camera)
