@@ -28,6 +28,12 @@ COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
         ("part", ("bodies.0.pitch=4 mm",), {"heat_flux", "convection"}),
         ("mixed-small", ("bodies.0.voxels_high=30", "terms.3.occlusion=16"),
          {"sun", "wind", "contact", "emission"}),
+        ("cabinet", (), {"heat_source", "convection", "interior_air", "emission"}),
+        ("wall", ("time.end=12 h",), {"sun", "convection", "convection#2"}),
+        ("van", ("bodies.0.sheet.pitch=40 cm", "bodies.7.sheet.pitch=1 m",
+                 "outdoors.occlusion=16", "time={end: 9 h, save_every: 3 h}"),
+         {"sun", "diffuse_sky", "emission", "convection", "heat_source",
+          "interior_air", "fixed_temperature"}),
     ],
 )  # fmt: skip
 def test_it_runs(out, name, changes, mechanisms):
