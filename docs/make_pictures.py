@@ -294,16 +294,10 @@ def image() -> Image.Image:
     return Image.open(frames[2])
 
 
-def _sheet(scene: str, *options: str) -> Image.Image:
-    folder = _simulated(
-        scene,
-        "--set",
-        "camera.width=300",
-        "--set",
-        "camera.height=400",
-        "--contact-sheet",
-        *options,
-    )
+def _sheet(scene: str, width: int = 300, height: int = 400) -> Image.Image:
+    size = (f"camera.width={width}", f"camera.height={height}")
+    options = [word for change in size for word in ("--set", change)]
+    folder = _simulated(scene, *options, "--contact-sheet")
     return Image.open(folder / "contact_sheet.png")
 
 
@@ -317,6 +311,7 @@ MAKERS: dict[str, Callable[[], Image.Image]] = {
     "physics": physics,
     "time": time,
     "image": image,
+    "van": lambda: _sheet("van", width=400, height=300),
     "windy": lambda: _sheet("windy"),
     "contact": lambda: _sheet("ball-on-figurine"),
     "day": lambda: _sheet("figurine-day"),
