@@ -56,6 +56,8 @@ class SheetCells:
     """Node of each vertex."""
     border: float
     """Length of the free border [m]; 0 for a closed surface."""
+    partitions: float
+    """Length of the edges of three, five, .. faces [m], which join a partition."""
     open_seams: float
     """Length of the free border next to another one that was perhaps the same [m]."""
     welded_vertices: int
@@ -131,6 +133,7 @@ def sheet_cells(
         fragments.node * parts + fragments.part, fragments.area, len(position) * parts
     )
     border = surface.vertices[surface.border]
+    joined = surface.vertices[surface.partition_edges]
     return SheetCells(
         pitch=pitch,
         position=position,
@@ -143,6 +146,7 @@ def sheet_cells(
         face_origin=surface.origin,
         vertex_node=vertex_node,
         border=float(np.linalg.norm(border[:, 1] - border[:, 0], axis=1).sum()),
+        partitions=float(np.linalg.norm(joined[:, 1] - joined[:, 0], axis=1).sum()),
         open_seams=open_seams(surface.vertices, surface.faces, _SEAM * size),
         welded_vertices=welded.welded_vertices,
         double_faces=welded.double_faces,

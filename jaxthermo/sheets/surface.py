@@ -67,6 +67,14 @@ class Surface:
         return np.stack([self.edges.start[alone], self.edges.end[alone]], axis=1)
 
     @cached_property
+    def partition_edges(self) -> Int[np.ndarray, "k 2"]:
+        """Ends of the edges of three, five, .. faces, one of each edge's sides."""
+        edges = self.edges
+        _, first = np.unique(edges.edge, return_index=True)
+        first = first[(edges.uses % 2 == 1) & (edges.uses > 1)]
+        return np.stack([edges.start[first], edges.end[first]], axis=1)
+
+    @cached_property
     def creases(self) -> Int[np.ndarray, "c 2"]:
         """Ends of the edges of creases, of branches and between parts."""
         edges = self.edges

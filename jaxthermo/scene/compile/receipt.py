@@ -225,8 +225,8 @@ def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     for number, surface in enumerate(snapshot.surface.bodies):
         grid = surface.grid
         acted_on_both = grid.is_two_sided and grid.adiabatic is None
-        if acted_on_both and isinstance(grid, SheetGrid) and grid.cells.border:
-            lines.append(_open_sheet(number, grid))
+        if acted_on_both and isinstance(grid, SheetGrid):
+            lines += _open_sheet(number, grid)
         if surface.enclosing is None:
             continue
         total = grid.fragment_area.sum()
@@ -241,11 +241,21 @@ def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _open_sheet(number: int, grid: SheetGrid) -> str:
-    return (
-        f"body {number} is a sheet with a border of {grid.cells.border:.3g} m: what "
-        "has a border has no inside, and all terms act on both of its faces"
-    )
+def _open_sheet(number: int, grid: SheetGrid) -> list[str]:
+    """Why pieces of a sheet have no inside; none where all are closed."""
+    cells = grid.cells
+    reasons = []
+    if cells.border:
+        reasons.append(f"a border of {cells.border:.3g} m: what has a border")
+    if cells.partitions:
+        reasons.append(
+            f"partitions joined along {cells.partitions:.3g} m: what they are joined to"
+        )
+    return [
+        f"body {number} is a sheet with {reason} has no inside, and all terms act on "
+        "both of its faces"
+        for reason in reasons
+    ]
 
 
 def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:

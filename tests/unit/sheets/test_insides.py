@@ -147,3 +147,19 @@ def test_the_receipt_tells_what_is_inside_and_what_has_a_border():
     assert "100 % of the surface of body 1 faces closed cavities of body 0" in text
     assert "body 2 is a sheet with a border of 2 m:" in text
     assert {part.bodies for part in receipt.parts} == {(0,), (2,)}
+
+
+def test_the_receipt_tells_that_a_partition_hides_an_inside():
+    """A wall across the middle of a box, whose edges have three faces there."""
+    left = jt.shapes.box((0.5, 0.6, 0.5)).moved((-0.25, 0.0, 0.0))
+    right = jt.shapes.box((0.5, 0.6, 0.5)).moved((0.25, 0.0, 0.0))
+    # Both boxes have the wall between them: of equal faces one is left.
+    vertices, faces = joined([(box.vertices, box.faces) for box in (left, right)])
+    sheet = jt.Sheet(jt.Mesh(vertices, faces), LAYERS, 0.1)
+    assert sheet.grid.cells.border == 0
+    assert sheet.grid.cells.partitions == pytest.approx(2 * (0.6 + 0.5), rel=1e-9)
+    scene = jt.Scene(
+        (jt.Body(sheet, temperature=300.0),), (jt.Convection(10.0, 290.0),)
+    )
+    text = "\n".join(jt.compile_scene(scene).receipt.notes)
+    assert "body 0 is a sheet with partitions joined along 2.2 m:" in text
