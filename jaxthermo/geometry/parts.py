@@ -13,7 +13,7 @@ from ..errors import InputError
 from .files.file_mesh import FileMesh, unique_labels
 from .files.read import read_contents, read_mesh
 from .load import FileScale, file_scale, placed_mesh
-from .mesh import Mesh
+from .mesh import Mesh, joined
 from .repair import repair_mesh
 
 
@@ -154,13 +154,7 @@ def joined_parts(meshes: Sequence[Mesh]) -> JoinedParts:
     face_part = np.repeat(np.arange(len(meshes)), counts)
     if len(meshes) == 1:
         return JoinedParts(meshes[0], face_part)
-    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
-    mesh = Mesh(
-        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
-        faces=np.concatenate(
-            [mesh.faces + n for mesh, n in zip(meshes, first, strict=True)]
-        ),
-        name=meshes[0].name,
-        axes=meshes[0].axes,
-    )
+    vertices, faces = joined([(mesh.vertices, mesh.faces) for mesh in meshes])
+    first = meshes[0]
+    mesh = Mesh(vertices=vertices, faces=faces, name=first.name, axes=first.axes)
     return JoinedParts(mesh, face_part)

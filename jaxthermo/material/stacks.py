@@ -11,6 +11,7 @@ from typing_extensions import override
 
 from ..errors import InputError
 from .layer import Layer
+from .named_table import AbstractNamedTable
 from .table import similar_names
 
 
@@ -73,7 +74,7 @@ def wave_amplitude(layers: Sequence[Layer], period: float = DAY) -> float:
     return float(np.exp(-sum(depths)))
 
 
-class _StackTable(Mapping[str, tuple[Layer, ...]]):
+class _StackTable(AbstractNamedTable[tuple[Layer, ...]]):
     """Mapping of names to stacks of layers, each from the top down."""
 
     def __getitem__(self, name: str) -> tuple[Layer, ...]:
@@ -89,20 +90,10 @@ class _StackTable(Mapping[str, tuple[Layer, ...]]):
     def __len__(self) -> int:
         return len(stack_rows())
 
-    # The inherited one would build the layers, and expects a KeyError.
-    def __contains__(self, name: object) -> bool:
-        return name in stack_rows()
-
+    @property
     @override
-    def get(self, key: str, default=None):
-        # The inherited one expects a KeyError, which an InputError is not.
-        try:
-            return self[key]
-        except InputError:
-            return default
-
-    def __repr__(self) -> str:
-        return f"StackTable({', '.join(self)})"
+    def known_names(self) -> Mapping[str, object]:
+        return stack_rows()
 
 
 stacks = _StackTable()

@@ -11,6 +11,7 @@ from typing_extensions import override
 
 from ..errors import InputError
 from .material import DEFAULT_EMISSIVITY, Material
+from .named_table import AbstractNamedTable
 
 
 _DATA = Path(__file__).parents[1] / "data"
@@ -219,7 +220,7 @@ def thesis_material(name: str) -> Material:
     )
 
 
-class _MaterialTable(Mapping[str, Material]):
+class _MaterialTable(AbstractNamedTable[Material]):
     """Mapping of names and aliases to `Material`; iterates over names only."""
 
     def __getitem__(self, name: str) -> Material:
@@ -238,20 +239,10 @@ class _MaterialTable(Mapping[str, Material]):
     def __len__(self) -> int:
         return len(material_rows())
 
-    # The inherited one would build a material, and expects a KeyError.
-    def __contains__(self, name: object) -> bool:
-        return name in _by_name()
-
+    @property
     @override
-    def get(self, key: str, default=None):
-        # The inherited one expects a KeyError, which an InputError is not.
-        try:
-            return self[key]
-        except InputError:
-            return default
-
-    def __repr__(self) -> str:
-        return f"MaterialTable({', '.join(self)})"
+    def known_names(self) -> Mapping[str, object]:
+        return _by_name()
 
 
 materials = _MaterialTable()

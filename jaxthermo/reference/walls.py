@@ -69,19 +69,6 @@ def through_wall(first: Air, layers: Sequence[WallLayer], second: Air) -> _Throu
     )
 
 
-class _Mode(NamedTuple):
-    """Eigenfunctions u_n of a wall: r sin(phase + w x' / sqrt(alpha)) in each layer."""
-
-    frequency: Float[np.ndarray, " m"]
-    """w_n, the square roots of the decay rates [1/s^0.5]."""
-    size: Float[np.ndarray, "l m"]
-    """r of each layer [-]."""
-    phase: Float[np.ndarray, "l m"]
-    """Phase at the beginning of each layer [rad]."""
-    norm: Float[np.ndarray, " m"]
-    """Integral of rho c u_n^2 over the wall [J/(m^2 K)]."""
-
-
 def _effusivity(layer: WallLayer) -> float:
     """Thermal effusivity sqrt(k rho c) [W s^0.5/(m^2 K)]."""
     return float(np.sqrt(layer.conductivity * layer.capacity))

@@ -1,7 +1,7 @@
 """Materials: by name, by their properties, both, or several by labels or parts."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,7 +25,7 @@ _DATA = Path(__file__).parents[2] / "data"
 def _material_names() -> tuple[str, ...]:
     # From the data file: `jaxthermo.materials` has the same names, but imports JAX.
     names: list[str] = []
-    for row in _rows("names.csv"):
+    for row in data_rows("names.csv"):
         names += [row["name"], *row["aliases"].split()]
     return tuple(names)
 
@@ -33,31 +33,29 @@ def _material_names() -> tuple[str, ...]:
 @cache
 def finish_names() -> tuple[str, ...]:
     """Names of the tabulated finishes, without importing JAX."""
-    return tuple(row["material"] for row in _rows("emissivity.csv"))
+    return tuple(row["material"] for row in data_rows("emissivity.csv"))
 
 
-def _rows(file: str) -> list[dict[str, str]]:
+def data_rows(file: str) -> list[dict[str, str]]:
+    """Rows of a file of the package's data, without importing JAX."""
     text = (_DATA / file).read_text(encoding="utf-8")
     return list(csv.DictReader(text.splitlines()))
 
 
-def _known_material(name: str) -> str:
-    names = _material_names()
-    if name not in names:
-        raise refuse(f"unknown material '{name}'{close_match(name, names)}")
-    return name
+def one_of(kind: str, names: Callable[[], tuple[str, ...]]) -> AfterValidator:
+    """Validator of a name of a kind of thing, which refuses unknown ones."""
 
+    def known(name: str) -> str:
+        if name not in names():
+            raise refuse(f"unknown {kind} '{name}'{close_match(name, names())}")
+        return name
 
-def _known_finish(name: str) -> str:
-    names = finish_names()
-    if name not in names:
-        raise refuse(f"unknown finish '{name}'{close_match(name, names)}")
-    return name
+    return AfterValidator(known)
 
 
 FinishName = Annotated[
     str,
-    AfterValidator(_known_finish),
+    one_of("finish", finish_names),
     Field(json_schema_extra={"enum": [*finish_names()]}),
 ]
 
@@ -68,7 +66,7 @@ class _MaterialConfig(Model, builds="Material"):
     name: (
         Annotated[
             str,
-            AfterValidator(_known_material),
+            one_of("material", _material_names),
             Field(json_schema_extra={"enum": [*_material_names()]}),
         ]
         | None

@@ -1,18 +1,15 @@
 """Sheets: thin walls of layers on a surface, instead of voxels; and the ground."""
 
-import csv
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag
 from typing_extensions import override
 
 import jaxthermo
 
-from ..messages import close_match
 from ..types.model import Model, build
 from ..types.quantities import (
     Extent,
@@ -21,12 +18,9 @@ from ..types.quantities import (
     PositiveTime,
     Temperature,
     Whole,
-    refuse,
 )
-from .material import Material
+from .material import Material, data_rows, one_of
 
-
-_TABLE = Path(__file__).parents[2] / "data" / "stacks.csv"
 
 _CELLS_OF_SIZE = 100
 """Number of cells along the longest edge of a body whose pitch is not given."""
@@ -35,20 +29,12 @@ _CELLS_OF_SIZE = 100
 @cache
 def _stack_names() -> tuple[str, ...]:
     # From the data file: `jaxthermo.stacks` has the same names, but imports JAX.
-    rows = csv.DictReader(_TABLE.read_text(encoding="utf-8").splitlines())
-    return tuple(dict.fromkeys(row["name"] for row in rows))
-
-
-def _known_stack(name: str) -> str:
-    names = _stack_names()
-    if name not in names:
-        raise refuse(f"unknown stack '{name}'{close_match(name, names)}")
-    return name
+    return tuple(dict.fromkeys(row["name"] for row in data_rows("stacks.csv")))
 
 
 _StackName = Annotated[
     str,
-    AfterValidator(_known_stack),
+    one_of("stack", _stack_names),
     Field(json_schema_extra={"enum": [*_stack_names()]}),
 ]
 
