@@ -93,9 +93,9 @@ def write_glb(path: Path, parts: list[Part]) -> None:
                 part.mesh.vertices, part.mesh.faces, visual=visual, process=False
             )
             scene.geometry[part.mesh.name] = triangles
-        place = np.eye(4)
-        place[:3, 3] = part.translation
-        scene.graph.update(part.node, matrix=Y_UP @ place, geometry=part.mesh.name)
+        moved = np.eye(4)
+        moved[:3, 3] = part.translation
+        scene.graph.update(part.node, matrix=Y_UP @ moved, geometry=part.mesh.name)
     scene.export(path, file_type="glb")
 
 
@@ -207,8 +207,8 @@ def windows() -> Iterator[Part]:
         yield across(f"rear_window_{side}", "car_glass", pane, y, front=front)
     lamp = named("headlight", about_y(jt.shapes.rectangle(0.16, 0.34), 1))
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        place = (NOSE + 0.01, sign * 0.7, 0.88)
-        yield Part(f"headlight_{side}", lamp, "car_glass", place)
+        translation = (NOSE + 0.01, sign * 0.7, 0.88)
+        yield Part(f"headlight_{side}", lamp, "car_glass", translation)
 
 
 def trim() -> Iterator[Part]:
@@ -221,8 +221,8 @@ def trim() -> Iterator[Part]:
         yield Part(name, named(name, bumper), "polypropylene", (x, 0.0, 0.52))
     mirror = named("mirror", jt.shapes.box((0.12, 0.2, 0.3)))
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        place = (1.5, sign * (HALF_WIDTH + 0.12), 1.6)
-        yield Part(f"mirror_{side}", mirror, "polypropylene", place)
+        translation = (1.5, sign * (HALF_WIDTH + 0.12), 1.6)
+        yield Part(f"mirror_{side}", mirror, "polypropylene", translation)
 
 
 def interior() -> Iterator[Part]:
@@ -242,12 +242,14 @@ def interior() -> Iterator[Part]:
     yield across("headliner", "polyurethane_foam", headliner, width, front=down)
     profile = [(0.0, 0.0), (0.3, 0.0), (0.35, 0.25), (0.05, 0.3)]
     dashboard = along_y(jt.shapes.prism(profile, 1.8))
-    place = (1.35, 0.0, 1.08)
-    yield Part("dashboard", named("dashboard", dashboard), "polypropylene", place)
+    translation = (1.35, 0.0, 1.08)
+    yield Part("dashboard", named("dashboard", dashboard), "polypropylene", translation)
     ring = jt.shapes.tube(0.19, 0.16, 0.03)
     wheel = ring.placed(jt.Pose.about((0.0, 1.0, 0.0), -1.0))
-    place = (1.2, 0.45, 1.35)
-    yield Part("steering_wheel", named("steering_wheel", wheel), "polypropylene", place)
+    translation = (1.2, 0.45, 1.35)
+    yield Part(
+        "steering_wheel", named("steering_wheel", wheel), "polypropylene", translation
+    )
     cushion = named("cushion", jt.shapes.box((0.5, 0.5, 0.14)))
     back = named("back_rest", jt.shapes.box((0.14, 0.5, 0.7)))
     for seat, y in (("driver", 0.45), ("passenger", -0.45)):
@@ -264,11 +266,11 @@ def machinery() -> Iterator[Part]:
     yield block("battery", "polypropylene", (0.18, 0.28, 0.2), (2.1, 0.6, 0.95))
     yield block("fuel_tank", "polypropylene", (0.9, 0.5, 0.25), (0.2, 0.5, 0.55))
     pipe = about_y(jt.shapes.pipe(0.03, 2.6, sections=16), 1)
-    place = (0.0, -0.3, 0.45)
-    yield Part("exhaust_pipe", named("exhaust_pipe", pipe), "steel", place)
+    translation = (0.0, -0.3, 0.45)
+    yield Part("exhaust_pipe", named("exhaust_pipe", pipe), "steel", translation)
     silencer = about_y(jt.shapes.cylinder(0.1, 0.6, sections=24), 1)
-    place = (-1.6, -0.3, 0.45)
-    yield Part("silencer", named("silencer", silencer), "steel", place)
+    translation = (-1.6, -0.3, 0.45)
+    yield Part("silencer", named("silencer", silencer), "steel", translation)
     axle = along_y(jt.shapes.cylinder(0.04, 1.5, sections=16))
     for end, x in (("front", FRONT_AXLE), ("rear", REAR_AXLE)):
         yield Part(f"axle_{end}", named("axle", axle), "steel", (x, 0.0, TYRE))
