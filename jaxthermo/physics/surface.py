@@ -18,7 +18,6 @@ from ..memo.found import found
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.cavities import AbstractCavities
 from ..voxels.fractions import area_fractions
-from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
 
@@ -122,20 +121,6 @@ class BodySurface:
     def own_normal(self) -> Float[np.ndarray, "s 3"]:
         """Outward unit normals in the body's own frame."""
         return self.grid.fragment_normal
-
-    @property
-    def voxels(self) -> VoxelGrid:
-        """Voxels of a solid body.
-
-        Raises:
-            InputError: for a sheet.
-        """
-        if not isinstance(self.grid, VoxelGrid):
-            raise InputError(
-                f"body {self.body} is a sheet, for which this term has no law: give a "
-                "Convection with its heat transfer coefficient"
-            )
-        return self.grid
 
     @cached_property
     def _open(self) -> Bool[np.ndarray, " s"]:

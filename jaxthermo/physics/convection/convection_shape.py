@@ -9,6 +9,7 @@ from ...sheets.panels import panels
 from ...sheets.sheet_grid import SheetGrid
 from ...voxels.body_shape import BodyShape, Plate, Plates, Sphere, shape_of
 from ...voxels.cylinders import Cylinder, CylinderParts, parts_of, whole_body
+from ...voxels.grid import VoxelGrid
 from ..surface import BodySurface
 
 
@@ -23,11 +24,12 @@ def convection_shape(
         InputError: as `shape_of`, or for a sheet that is to be a cylinder.
     """
     grid = body.grid
-    if not isinstance(grid, SheetGrid):
-        shape = shape_of(body.voxels, body_shape, cylinders, body.body)
+    if isinstance(grid, VoxelGrid):
+        shape = shape_of(grid, body_shape, cylinders, body.body)
         if isinstance(shape, Plate):
             return Plates.of_one(shape, len(body.area))
         return shape
+    assert isinstance(grid, SheetGrid)
     if any(cylinder.body == body.body for cylinder in cylinders):
         return None
     if body_shape == "cylinder":
@@ -54,8 +56,8 @@ def flow_parts(
     """
     if shape is None:
         return parts_of(body.grid, cylinders, body.body)
-    if not isinstance(body.grid, SheetGrid):
-        return whole_body(body.voxels)
+    if isinstance(body.grid, VoxelGrid):
+        return whole_body(body.grid)
     if isinstance(shape, Sphere):
         middle = body.grid.mesh.bounds.mean(axis=0)
         around = Cylinder(_triple(middle), (0.0, 0.0, 1.0), shape.diameter)

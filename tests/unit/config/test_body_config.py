@@ -44,18 +44,6 @@ def scene(tmp_path):
     return load
 
 
-@pytest.fixture
-def refused(scene):
-    """A function from the same to the lines of refusal, without the file's name."""
-
-    def load(*arguments: str) -> list[str]:
-        with pytest.raises(InputError) as caught:
-            scene(*arguments)
-        return [line.split(": ", 1)[1] for line in str(caught.value).splitlines()]
-
-    return load
-
-
 def test_a_property_by_temperature(scene):
     body = scene(f"{{name: copper, conductivity: {WARM}, specific_heat: {WARM}}}")
     material = body.bodies[0].build_materials()
