@@ -134,6 +134,25 @@ class SheetGrid(AbstractGrid):
 
     @property
     @override
+    def cavity_volume(self) -> float:
+        # Gauss's theorem, from the middle of the mesh; the winding does not say on
+        # which side of a face the inside is.
+        mesh = self.mesh
+        corners = mesh.vertices[mesh.faces[self.traced_faces]] - mesh.bounds.mean(
+            axis=0
+        )
+        front, back = (self.face_space // 2 > 0).T
+        outward = back.astype(int) - front
+        return float((outward * np.linalg.det(corners)).sum() / 6)
+
+    @property
+    @override
+    def why_open(self) -> str:
+        border = self.cells.border
+        return f"its mesh has a border of {border:.3g} m: close it, or give `weld`"
+
+    @property
+    @override
     def fragment_space(self) -> Int[np.ndarray, " s"]:
         return 2 * self.fragment_cavity + self.fragment_face
 

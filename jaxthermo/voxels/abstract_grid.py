@@ -111,6 +111,16 @@ class AbstractGrid(abc.ABC):
         return float(self.fragment_area[self.fragment_cavity > 0].sum())
 
     @property
+    def cavity_volume(self) -> float:
+        """Volume of all closed cavities [m^3]."""
+        return 0.0
+
+    @property
+    def why_open(self) -> str:
+        """Remedy for a body that has no closed cavity and needs one."""
+        return "it has no cavity: make it hollow, or a Sheet"
+
+    @property
     def opened_area(self) -> float:
         """Area of the mesh's closed cavities that are open in the cells [m^2]."""
         return 0.0

@@ -142,6 +142,14 @@ class VoxelGrid(AbstractGrid):
             return np.zeros(len(self.fragment_area), int)
         return self.cavities.faced(self.fragment_position, self.fragment_normal)
 
+    @property
+    @override
+    def cavity_volume(self) -> float:
+        cavities = self.cavities
+        if cavities is None:
+            return 0.0
+        return float((cavities.stop - cavities.start).sum()) * self.pitch**3
+
     @cached_property
     @override
     def opened_area(self) -> float:
