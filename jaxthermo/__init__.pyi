@@ -97,6 +97,7 @@ from .physics.boundary import (
     HeatFlux as HeatFlux,
 )
 from .physics.contact.links import Contact as Contact, bonded as bonded
+from .physics.convection.enclosed_air import EnclosedAir as EnclosedAir
 from .physics.convection.free_convection import FreeConvection as FreeConvection
 from .physics.convection.interior_air import InteriorAir as InteriorAir
 from .physics.convection.wake import (
@@ -144,6 +145,7 @@ from .scene.scene import (
     Scene as Scene,
 )
 from .structures.kinds.aggregate import Aggregate as Aggregate
+from .structures.kinds.air import AirVolume as AirVolume
 from .structures.kinds.full import FullVolume as FullVolume
 from .structures.kinds.groups import (
     MultiLevel as MultiLevel,

@@ -1,9 +1,12 @@
 """Heat of surface terms, sources and contacts, added to the states of bodies."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+from equinox import Module
 from jaxtyping import Array, Float
 
 from ..arrays import taken
@@ -32,6 +35,7 @@ def add_loads(
     not None. Returns the new states, and the heat rate of each ledger entry [W].
     """
     # All loads of a step act at the temperatures before it.
+    program = program.in_air(states, start)
     nodes = _surface_nodes(program, states, start)
     received = _net_irradiation(program, nodes, time)
     after_loads, rates = _add_own_loads(
@@ -59,7 +63,7 @@ def _add_own_loads(
     time: Float[Array, ""],
     dt: Float[Array, ""],
 ) -> tuple[State, Float[Array, " c"]]:
-    """Add the heat that depends on the temperature of each node alone.
+    """Add the heat that depends on the temperature of each node and of air alone.
 
     `received` is the irradiation of the surface cells [W/m^2], None without exchange;
     `emits` is False if their own emission is already subtracted from it.
@@ -73,16 +77,21 @@ def _add_own_loads(
             rates = rates.at[source.entry].add(rate)
         warmed.append(body_state)
     load = program.surface
-    if load is None:
-        return tuple(warmed), rates
-    networks = _networks(program, load)
-    heat, surface_rates = load.heat(time, nodes, networks, received, emits)
-    for index, cells in enumerate(load.by_cell.cells):
-        body_state = warmed[cells.body]
-        warmed[cells.body] = load.add(
-            index, body_state, networks[index], dt, heat[index]
-        )
-    return tuple(warmed), rates + surface_rates
+    if load is not None:
+        networks = _networks(program, load)
+        heat, surface_rates = load.heat(time, nodes, networks, received, emits)
+        rates = rates + surface_rates
+        for index, cells in enumerate(load.by_cell.cells):
+            body_state = warmed[cells.body]
+            warmed[cells.body] = load.add(
+                index, body_state, networks[index], dt, heat[index]
+            )
+    for air in program.airs:
+        capacity = program.bodies[air.body].network.total_capacity()
+        rate = air.heat_rate(time, capacity, rates)
+        warmed[air.body] = warmed[air.body] + dt * rate / capacity
+        rates = rates.at[air.entry].add(rate)
+    return tuple(warmed), rates
 
 
 def _networks(program: Program, load: AbstractSurfaceLoad) -> list[AbstractNetwork]:
@@ -229,16 +238,99 @@ def load_slopes(
     The first is that of every node [1/s], the second that of each ledger entry, summed
     over its nodes [W/K].
     """
-    zero = tuple(jnp.zeros_like(state) for state in states)
-    one_second = jnp.ones((), states[0].dtype)
+    loads = _loads_of_nodes(program, states, time)
+    # In air of the present temperatures these loads act at single nodes, so that one
+    # derivative along all ones is the whole diagonal Jacobian.
+    ones = tuple(jnp.ones_like(state) for state in states)
+    _, changes = jax.jvp(partial(loads, program.in_air(states)), (states,), (ones,))
+    slopes, entries = jax.tree.map(lambda change: jnp.maximum(-change, 0), changes)
+    slopes = list(slopes)
+    for air in air_couplings(program, states, time):
+        slopes[air.body] = air.own_slope
+    return tuple(slopes), entries
+
+
+class AirCoupling(Module):
+    """Derivatives of heat rates between all nodes and a body of air."""
+
+    body: int = eqx.field(static=True)
+    """Number of the body of air."""
+    into_nodes: State
+    """Heat rate into each node by a rise of the air [W/K]; 0 for the air itself."""
+    into_air: State
+    """Heat rate into the air by a rise of each node [W/K]; 0 for the air itself."""
+    own_slope: Float[Array, " 1"]
+    """Heat rate that the air loses by its own rise, over its capacity [1/s]."""
+    is_symmetric: bool = eqx.field(static=True)
+    """True if `into_nodes` and `into_air` are equal."""
+
+
+def air_couplings(
+    program: Program, states: State, time: Float[Array, ""]
+) -> list[AirCoupling]:
+    """Return the derivatives of all heat rates to and from bodies of air."""
+    if not program.airs:
+        return []
+    loads = _loads_of_nodes(program, states, time)
+
+    def rates(states: State) -> State:
+        rises, _ = loads(program.in_air(states), states)
+        return tuple(
+            rise * body.network.capacity()
+            for rise, body in zip(rises, program.bodies, strict=True)
+        )
+
+    # Half cells whose conductivity varies conduct by the potential of the surface, and
+    # nodes whose capacity varies have states of their own.
+    is_symmetric = all(body.network.is_linear for body in program.bodies)
+    couplings = []
+    for air in program.airs:
+        rise = tuple(
+            jnp.full_like(state, number == air.body)
+            for number, state in enumerate(states)
+        )
+        _, into_nodes = jax.jvp(rates, (states,), (rise,))
+        into_air = into_nodes
+        if not is_symmetric:
+            _, pullback = jax.vjp(rates, states)
+            (into_air,) = pullback(rise)
+        capacity = program.bodies[air.body].network.capacity()
+        couplings.append(
+            AirCoupling(
+                body=air.body,
+                into_nodes=_without(into_nodes, air.body),
+                into_air=_without(into_air, air.body),
+                own_slope=-into_nodes[air.body] / capacity,
+                is_symmetric=is_symmetric,
+            )
+        )
+    return couplings
+
+
+def _without(states: State, body: int) -> State:
+    """States with 0 for a body."""
+    return tuple(
+        jnp.zeros_like(state) if number == body else state
+        for number, state in enumerate(states)
+    )
+
+
+def _loads_of_nodes(
+    program: Program, states: State, time: Float[Array, ""]
+) -> Callable[[Program, State], tuple[State, Float[Array, " c"]]]:
+    """All loads but contacts as a function of a program and states.
+
+    It returns the rate of every node [K/s] and the heat rate of each entry [W].
+    """
     # Irradiation is constant here: what bodies emit counts, what returns does not.
     irradiation = _irradiation(program, _surface_nodes(program, states), time)
+    zero = tuple(jnp.zeros_like(state) for state in states)
+    one_second = jnp.ones((), states[0].dtype)
 
-    def own_loads(states):
-        nodes = _surface_nodes(program, states)
+    def loads(program: Program, states: State) -> tuple[State, Float[Array, " c"]]:
         return _add_own_loads(
             program,
-            nodes=nodes,
+            nodes=_surface_nodes(program, states),
             received=irradiation,
             emits=True,
             new=zero,
@@ -246,8 +338,4 @@ def load_slopes(
             dt=one_second,
         )
 
-    # These loads act at single nodes, so that one derivative along all ones is the
-    # whole diagonal Jacobian.
-    ones = tuple(jnp.ones_like(state) for state in states)
-    _, slopes = jax.jvp(own_loads, (states,), (ones,))
-    return jax.tree.map(lambda slope: jnp.maximum(-slope, 0), slopes)
+    return loads

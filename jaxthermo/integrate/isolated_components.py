@@ -20,10 +20,12 @@ from ..errors import InputError
 from ..geometry.mesh import connected_labels
 from ..network.multigrid import MAX_DENSE_SIZE, link_conductance, node_layout
 from ..network.network import AbstractNetwork, AbstractNodeNetwork
+from ..physics.convection.enclosed_air import AirLaw
+from ..physics.time_varying import value_at
 from ..scene.compile.program import Program, State
 from ..scene.scene import Scene
 from ..structures.structure import AbstractStructure
-from .heat_rates import add_loads, load_slopes, pair_conductance
+from .heat_rates import add_loads, air_couplings, load_slopes, pair_conductance
 from .implicit.jacobian import ImplicitContext, masked_to_nodes
 
 
@@ -120,7 +122,7 @@ def find_isolated_components(
 ) -> IsolatedComponents | None:
     """Find the isolated components of a scene; None if there are none."""
     # On the host, once per solve: the components do not change with temperature.
-    component = _components(scene, program, time)
+    component = _components(scene, program, states, time)
     dtype = states[0].dtype
     probe = jnp.asarray(_MIN_PROBE_TEMPERATURE, dtype)
     warmed = tuple(
@@ -128,7 +130,7 @@ def find_isolated_components(
         for body, state in zip(program.bodies, states, strict=True)
     )
     # One program instead of one an operation; only signs are used.
-    slopes, _ = eqx.filter_jit(load_slopes)(program, warmed, time)
+    slopes, _ = eqx.filter_jit(load_slopes)(_without_air(program), warmed, time)
     # Of every entry of all states, 0 where no node is [J/K].
     capacities = tuple(
         jnp.broadcast_to(body.network.capacity(), state.shape)
@@ -139,6 +141,9 @@ def find_isolated_components(
     # entry that is no node has capacity 0 and forms a component of its own.
     loses_heat = np.zeros(len(component), bool)
     loses_heat[component[(_flat(slopes) > 0) | (capacity == 0)]] = True
+    starts = np.cumsum([0, *(state.size for state in states)])
+    for air in program.airs:
+        loses_heat[component[starts[air.body]]] |= float(value_at(air.rate, time)) > 0
     inside = ~loses_heat[component]
     if not inside.any():
         return None
@@ -148,7 +153,7 @@ def find_isolated_components(
     _refuse_heated(program, states=states, time=time, number=number, capacity=capacity)
     total = np.bincount(number, capacity)
     weight = np.where(inside, capacity / np.where(inside, total[number], 1), 0)
-    cuts = np.cumsum([s.size for s in states])[:-1]
+    cuts = starts[1:-1]
     components = IsolatedComponents(
         number=tuple(
             device_array(body_number) for body_number in np.split(number, cuts)
@@ -160,6 +165,20 @@ def find_isolated_components(
         count=len(roots),
     )
     return replace(components, mean=components.means(states))
+
+
+def _without_air(program: Program) -> Program:
+    """The program without the exchange of heat with bodies of air."""
+    if program.surface is None or not program.airs:
+        return program
+    load = program.surface.by_cell
+    natural = tuple(
+        (number, term)
+        for number, term in load.terms.natural
+        if not isinstance(term.law, AirLaw)
+    )
+    load = replace(load, terms=replace(load.terms, natural=natural))
+    return replace(program, surface=load, airs=())
 
 
 def _refuse_heated(program: Program, states: State, time, number, capacity) -> None:
@@ -192,7 +211,9 @@ def _flat(states: State) -> np.ndarray:
     return np.concatenate([np.asarray(state).reshape(-1) for state in states])
 
 
-def _components(scene: Scene, program: Program, time) -> Int[np.ndarray, " v"]:
+def _components(
+    scene: Scene, program: Program, states: State, time
+) -> Int[np.ndarray, " v"]:
     """Label every entry of all states by an entry that conduction connects it to."""
     labels = [
         _body_components(body.structure, compiled_body.network.linear)
@@ -212,6 +233,10 @@ def _components(scene: Scene, program: Program, time) -> Int[np.ndarray, " v"]:
         # A contact of conductance 0 connects nothing.
         conducts = np.asarray(pair_conductance(contact, time)) > 0
         links.append(np.stack(ends, axis=1)[conducts])
+    for air in air_couplings(program, states, time):
+        nodes = np.flatnonzero(_flat(air.into_nodes) > 0)
+        ends = [flat[nodes], np.full(len(nodes), flat[starts[air.body]])]
+        links.append(np.stack(ends, axis=1))
     return connected_labels(len(flat), np.concatenate(links))[flat]
 
 

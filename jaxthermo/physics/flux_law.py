@@ -5,7 +5,7 @@ A law bound to surface cells has an effective area of each of them.
 
 import abc
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -145,6 +145,13 @@ class AbstractFluxLaw(Module):
         """The law with the irradiation of each surface cell [W/m^2].
 
         Laws of radiation between surfaces override this.
+        """
+        return self
+
+    def in_air(self, temperatures: Mapping[int, Float[Array, ""]]) -> "AbstractFluxLaw":
+        """The law at the present temperatures of bodies of air, by their numbers [K].
+
+        Laws of convection to such a body override this.
         """
         return self
 

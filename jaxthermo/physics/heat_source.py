@@ -8,6 +8,7 @@ from typing_extensions import override
 
 from ..arrays import TimeVarying
 from ..errors import InputError
+from ..structures.kinds.air import AirVolume
 from ..structures.structure import AbstractStructure
 from ..structures.volumes import node_volumes
 from ..voxels.selection import AbstractSpace
@@ -76,6 +77,8 @@ class HeatSource(AbstractVolumeTerm):
 
     def _volume(self, body: int, structure: AbstractStructure) -> float:
         """Heated volume of a body [m^3]."""
+        if isinstance(structure, AirVolume):
+            return 0.0
         if self.within is None:
             return structure.volume
         space = self.within.on_body(body)
@@ -95,6 +98,14 @@ class HeatSource(AbstractVolumeTerm):
             space = self.within.on_body(body)
             if space is None:
                 return Omitted("`within` is on another body")
+        if isinstance(structure, AirVolume):
+            if space is None:
+                return Omitted("it is air")
+            raise InputError(
+                f"HeatSource(within={self.within!r}): body {body} is air: heat a body "
+                "in it, which the air cools"
+            )
+        if space is not None:
             # Part of a space is a space.
             assert isinstance(space, AbstractSpace)
         volume = node_volumes(structure, space)

@@ -23,7 +23,7 @@ than its surface radiates: there one iteration from the node's temperature is ex
 rounding, whereas a near-insulator in the sun needs all iterations.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -142,6 +142,14 @@ class SurfaceTerms(Module):
             natural=_mapped(irradiate, self.natural),
             radiating=_mapped(irradiate, self.radiating),
         )
+
+    def in_air(self, kelvin: Mapping[int, Float[Array, ""]]) -> "SurfaceTerms":
+        """The terms at the present temperatures of bodies of air, by number [K]."""
+
+        def warm(term: BoundTerm) -> BoundTerm:
+            return replace(term, law=term.law.in_air(kelvin))
+
+        return replace(self, natural=_mapped(warm, self.natural))
 
     def surface_excess(self, time: Time, theta: PerCell) -> PerCell:
         """Temperature of each cell's surface above its node's [K]."""

@@ -76,6 +76,11 @@ def _check_bodies(compiled: Compiled) -> None:
     moves = any(surface.moves for surface in compiled.surfaces)
     if moves or len(compiled.programs) > 1:
         raise InputError(f"reduce: a body or a source moves: {_REMEDY}")
+    if program.airs:
+        raise InputError(
+            "reduce: the temperature of enclosed air is no input: give InteriorAir "
+            "instead, or simulate() the scene"
+        )
     for number, body in enumerate(program.bodies):
         if not body.network.is_linear:
             raise InputError(

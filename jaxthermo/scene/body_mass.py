@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ..material.air import body_of_air
+from ..structures.kinds.air import AirVolume
 from ..structures.kinds.sheet import Sheet
 from ..structures.volumes import node_volumes
 from .scene import AbstractMaterials, Body
@@ -13,6 +15,8 @@ def body_mass(body: Body) -> float:
     material = body.material
     if isinstance(structure, Sheet):
         return structure.mass
+    if isinstance(structure, AirVolume):
+        return float(body_of_air(structure.air_volume, body.temperature).density)
     if not isinstance(material, AbstractMaterials):
         assert material is not None
         return float(material.density) * structure.volume

@@ -20,6 +20,7 @@ from ..memo.found import found
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
 from ..sheets.sheet_grid import SheetGrid
+from ..structures.kinds.air import AirVolume
 from ..structures.kinds.sheet import Sheet
 from ..structures.partition.assignment import voxel_owner
 from ..structures.structure import AbstractStructure, AbstractVoxelStructure
@@ -207,6 +208,13 @@ class Body(Module):
                 raise InputError(
                     "Body(inside=): this sheet is open and has no inside: terms reach "
                     'its back unless it is Sheet(back="adiabatic")'
+                )
+            return
+        if isinstance(self.structure, AirVolume):
+            if self.material is not None or callable(self.temperature):
+                raise InputError(
+                    "Body(AirVolume(..)): give a number as its temperature, and no "
+                    "material"
                 )
             return
         require(

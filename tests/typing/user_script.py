@@ -56,6 +56,8 @@ air = (
     jt.RadiativeExchange(280.0),
 )
 inside = jt.InteriorAir(5.0, 295.0, body=0)
+cabin = jt.Body(jt.AirVolume(3.0), temperature=295.0)
+aired = jt.EnclosedAir(5.0, 1e-4, 280.0, body=0, air=1)
 heat = jt.HeatSource(5e3, within=jt.Everything() & ~middle)
 terms = (sun, lamp, panel, sky, wall, flux, wind, *air, heat, jt.bonded)
 scene = jt.Scene((body, moving), (*terms, jt.Contact(1e3, bodies=(0, 1))))

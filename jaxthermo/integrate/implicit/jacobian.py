@@ -3,7 +3,7 @@
 A stage solves eta = base + g f(eta), f from `evaluate_rates`. Its Jacobian, as heat
 rates for a change u of the conduction potential (of temperature, where k is constant),
 
-    A u = (C / g + s) / d u - K u + contacts,
+    A u = (C / g + s) / d u - K u + contacts + air,
 
 is symmetric and positive definite: K is the linear network, s the slope of each node's
 load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere. Only the K of
@@ -36,6 +36,8 @@ from ...scene.compile.program import Compiled, Program, State
 from ...scene.scene import Scene
 from ...structures.structure import AbstractStructure
 from ..heat_rates import (
+    AirCoupling,
+    air_couplings,
     load_slopes,
     pair_conductance,
     pair_nodes,
@@ -235,6 +237,8 @@ class _Jacobian(Module):
     diagonal: State
     """(C / g + s) / d [W/K]."""
     contacts: tuple[_ContactJacobian, ...]
+    airs: tuple[AirCoupling, ...]
+    """Exchange with bodies of air, linear in the potentials."""
     time: Float[Array, ""]
 
     @property
@@ -242,7 +246,9 @@ class _Jacobian(Module):
         """True for conjugate gradients."""
         slopes = [slope for contact in self.contacts for slope in contact.slopes]
         varies = any(slope is not None for slope in slopes)
-        return not varies and all(network.is_symmetric for network in self.networks)
+        has_symmetric_airs = all(air.is_symmetric for air in self.airs)
+        is_symmetric = all(network.is_symmetric for network in self.networks)
+        return not varies and has_symmetric_airs and is_symmetric
 
     def mv(self, u: State) -> State:
         """Return A u [W]."""
@@ -260,6 +266,12 @@ class _Jacobian(Module):
                 body = links.bodies[side]
                 address = links.address[side]
                 image[body] = image[body].at[address].add(sign * flow)
+        for air in self.airs:
+            for number, (into_node, into_air, v) in enumerate(
+                zip(air.into_nodes, air.into_air, u, strict=True)
+            ):
+                image[number] = image[number] - into_node * u[air.body][0]
+                image[air.body] = image[air.body] - (into_air * v).sum()
         return tuple(image)
 
     def magnitude(self, u: State) -> State:
@@ -277,6 +289,12 @@ class _Jacobian(Module):
             )
             for body, address in zip(links.bodies, links.address, strict=True):
                 image[body] = image[body].at[address].add(pair_sum)
+        for air in self.airs:
+            for number, (into_node, into_air, v) in enumerate(
+                zip(air.into_nodes, air.into_air, size, strict=True)
+            ):
+                image[number] = image[number] + into_node * size[air.body][0]
+                image[air.body] = image[air.body] + (into_air * v).sum()
         return tuple(image)
 
 
@@ -376,6 +394,10 @@ def linearize(
                 program, contact=contact, states=states, potential=potential, time=time
             )
             for contact in program.contacts
+        ),
+        airs=tuple(
+            replace(air, into_air=tuple(map(_over, air.into_air, potential)))
+            for air in air_couplings(program, states, time)
         ),
         time=time,
     )

@@ -127,10 +127,11 @@ class AbstractSolution(Module):
     heat_transfer_coefficient: eqx.AbstractVar[Float[Array, "t s"] | None]
 
     def of_body(self, index: int) -> Float[Array | np.ndarray, "t _"]:
-        """Return the surface temperatures of one body [K]."""
+        """Return the surface temperatures of one body [K]; none of a body of air."""
         counts = [len(s.geometry.fragment_area) for s in self.surfaces]
         start = sum(counts[:index])
-        return self.surface_temperature[:, start : start + counts[index]]
+        stop = sum(counts[: index + 1])
+        return self.surface_temperature[:, start:stop]
 
     def load_time(self, index: int) -> Time | HostTime:
         """Return the time whose loads the surface shows at a saved time [s]."""

@@ -7,10 +7,9 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
-from ...sheets.sheet_grid import SheetGrid
 from ..boundary import Exchange, toward
 from ..flux_law import Forcing
-from ..surface import Binding, BodySurface, Omitted, Surface
+from ..surface import Binding, BodySurface, Cover, Omitted, Surface
 from ..term import AbstractSurfaceTerm, OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 
@@ -55,29 +54,14 @@ class InteriorAir(AbstractSurfaceTerm):
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
-        inner = [self._inner(body) for body in surface.bodies]
-        if not inner[self.body].any():
-            raise InputError(_without_inside(surface.bodies[self.body]))
+        covers = inner_covers(surface, self.body, "InteriorAir")
         if surface.prune and is_zero(self.heat_transfer_coefficient):
             return (Omitted("the heat transfer coefficient is 0"),)
         law = Exchange(
             coefficient=for_jit(self.heat_transfer_coefficient, surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
         )
-        covers = []
-        for body, is_inner in zip(surface.bodies, inner, strict=True):
-            if not is_inner.any():
-                covers.append(body.omitted(f"it is not inside body {self.body}"))
-                continue
-            exposed = body.exposed_of(is_inner)
-            is_omitted = isinstance(exposed, Omitted)
-            covers.append(exposed if is_omitted else (body.area, exposed))
         return surface.bind(law, covers)
-
-    def _inner(self, body: BodySurface) -> Bool[np.ndarray, " s"]:
-        if body.enclosing is None:
-            return np.zeros(len(body.area), bool)
-        return body.enclosing == self.body
 
     @override
     def acting_fraction(self, body: BodySurface) -> float:
@@ -94,13 +78,34 @@ class InteriorAir(AbstractSurfaceTerm):
         return Scale(heat_transfer_coefficient=h)
 
 
-def _without_inside(body: BodySurface) -> str:
-    grid = body.grid
-    if grid.cavities is not None:
+def inner_covers(surface: Surface, around: int, term: str) -> list[Cover | Omitted]:
+    """Area of all that faces the closed cavities of a body, for the named term.
+
+    Raises:
+        InputError: if the body has none.
+    """
+    inner = [_inner(body, around) for body in surface.bodies]
+    if not inner[around].any():
+        raise InputError(_without_inside(surface.bodies[around], term))
+    covers: list[Cover | Omitted] = []
+    for body, is_inner in zip(surface.bodies, inner, strict=True):
+        if not is_inner.any():
+            covers.append(body.omitted(f"it is not inside body {around}"))
+            continue
+        exposed = body.exposed_of(is_inner)
+        is_omitted = isinstance(exposed, Omitted)
+        covers.append(exposed if is_omitted else (body.area, exposed))
+    return covers
+
+
+def _inner(body: BodySurface, around: int) -> Bool[np.ndarray, " s"]:
+    if body.enclosing is None:
+        return np.zeros(len(body.area), bool)
+    return body.enclosing == around
+
+
+def _without_inside(body: BodySurface, term: str) -> str:
+    remedy = body.grid.why_open
+    if body.grid.cavities is not None:
         remedy = "leave out its `inside: open`"
-    elif isinstance(grid, SheetGrid):
-        border = grid.cells.border
-        remedy = f"its mesh has a border of {border:.3g} m: close it, or give `weld`"
-    else:
-        remedy = "it has no cavity: make it hollow, or a Sheet"
-    return f"InteriorAir(body={body.body}): body {body.body} encloses no air; {remedy}"
+    return f"{term}(body={body.body}): body {body.body} encloses no air; {remedy}"

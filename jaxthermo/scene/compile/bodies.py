@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 
 from ...arrays import Scalar, device_array, is_traced, namespace
 from ...errors import InputError, located
+from ...material.air import body_of_air
 from ...network.network import AbstractNetwork, Address
 from ...physics.conduction import (
     conductivity_parts,
@@ -25,6 +26,7 @@ from ...physics.conduction import (
 from ...physics.flux_law import Forcing, Values
 from ...physics.sheet_conduction import sheet_network
 from ...physics.time_varying import check_temperature
+from ...structures.kinds.air import AirVolume
 from ...structures.kinds.full import FullVolume
 from ...structures.kinds.sheet import Sheet
 from ...voxels.sharded_lattice import padded_places
@@ -119,6 +121,11 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     reference, theta = _initial(number, body, dtype)
     if isinstance(structure, Sheet):
         network = sheet_network(structure, dtype)
+    elif isinstance(structure, AirVolume):
+        air = body_of_air(structure.air_volume, body.temperature)
+        network = material_network(
+            structure, material=air, reference=reference, dtype=dtype
+        )
     elif isinstance(material, AbstractMaterials):
         network = materials_network(
             structure,
@@ -222,6 +229,8 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     grid = structure.grid
     if isinstance(structure, Sheet):
         return grid.fragment_area.astype(dtype) / structure.face_resistance(dtype)
+    if isinstance(structure, AirVolume):
+        return np.zeros(0, dtype)
     if isinstance(material, AbstractMaterials):
         table = conductivity_table(material.materials, reference, dtype)
         by_fragment = table[material.of_fragments(structure.voxels)]

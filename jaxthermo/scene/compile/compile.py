@@ -29,6 +29,7 @@ from ...physics.radiation.irradiation import (
 from ...physics.surface import BodySurface, Note, Omitted
 from ...physics.term import AbstractExchangeTerm
 from ...structures.sheet_report import sheet_notes, sheet_warnings
+from ..air import bodies_with_surface, check_airs
 from ..scene import Scene, SolvedSurface, body_geometry, mechanism_names
 from .bodies import PreparedBody, check_bodies, check_terms, prepare
 from .memory import Method, check_memory
@@ -82,6 +83,7 @@ def compile_scene(
     memory = check_memory(scene, saves=saves, snapshots=len(starts), method=method)
     time_values = with_time_values(scene, float(end), save_times)
     scene = time_values.scene
+    check_airs(scene)
     check_terms(scene, end)
     with searches_recorded() as searches:
         compiled = _bound(
@@ -218,8 +220,7 @@ def _bound_programs(
         prune=prune,
     )
     volumes, unheated = bind_volumes(scene)
-    names = mechanism_names(scene)
-    ledger = ledger_entries(names, snapshots=snapshots, volumes=volumes, prune=prune)
+    ledger = ledger_entries(scene, snapshots=snapshots, volumes=volumes, prune=prune)
     builder = ProgramBuilder(
         scene=scene,
         prepared=prepared,
@@ -314,7 +315,7 @@ def _solved_surfaces(
             emissivity=surface.emissivity,
             absorptivity=surface.absorptivity,
         )
-        for body, surface in zip(scene.bodies, surfaces, strict=True)
+        for body, surface in zip(bodies_with_surface(scene), surfaces, strict=True)
     )
 
 

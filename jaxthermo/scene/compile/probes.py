@@ -32,6 +32,7 @@ from ...structures.structure import AbstractVoxelStructure
 from ...structures.surface_map import Range, gradient_rows
 from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.grid import VoxelGrid
+from ..air import bodies_around_air, bodies_with_surface
 from ..scene import AbstractMaterials, Probe, Scene
 from .bodies import PreparedBody
 
@@ -70,6 +71,8 @@ class BodyProbes(Module):
         temperature is that of the whole surface; None for none.
         """
         node = taken(theta, self.address)
+        if not len(surface):
+            return node
         neighbour = taken(theta, self.neighbour)
         on_surface = self.surface_weight
         if held is not None:
@@ -91,6 +94,8 @@ class BodyProbes(Module):
         `around` is the range of each node with surface and its fragments, and
         `surface_node` the index of each fragment's node among these.
         """
+        if not len(surface_node):
+            return values
         node = taken(theta, self.address)
         reached = Range(node, node)
         reached = reached.including_groups(taken(theta, self.neighbour), self.row)
@@ -121,30 +126,40 @@ def bind_probes(
 ) -> tuple[BodyProbes, ...]:
     """Bind the probes of a scene to the bodies that they are in or on.
 
-    If several bodies contain a point, the first counts.
+    If several bodies contain a point, the first counts. A point in a cavity, farther
+    than a voxel from all bodies, reads the air there if that is a body.
 
     Raises:
         InputError: for a point farther than a voxel from every body, or inside a body
             whose structure has no nodes there.
     """
     positions = np.array([probe.position for probe in scene.probes])
-    points = [body.body.pose.at(0.0).to_body(positions) for body in prepared]
+    surfaced = prepared[: len(bodies_with_surface(scene))]
+    points = [body.body.pose.at(0.0).to_body(positions) for body in surfaced]
     located = [
         _located(body.body.structure.grid, body_points)
-        for body, body_points in zip(prepared, points, strict=True)
+        for body, body_points in zip(surfaced, points, strict=True)
     ]
     gap = np.stack([body_located.gap for body_located in located])
     nearest = gap.argmin(axis=0)
+    pitch = np.array([body.body.structure.grid.pitch for body in surfaced])
+    is_far = gap.min(axis=0) > pitch[nearest]
     bound = []
+    for air, around in bodies_around_air(scene).items():
+        cavities = prepared[around].body.structure.grid.cavities
+        if cavities is not None:
+            is_enclosed = is_far & (cavities.at(points[around]) > 0)
+            bound.append(_in_air(prepared[air], np.flatnonzero(is_enclosed), dtype))
+            is_far &= ~is_enclosed
+            nearest[is_enclosed] = air
     for n, probe in enumerate(scene.probes):
-        pitch = prepared[nearest[n]].body.structure.grid.pitch
-        if gap[nearest[n], n] > pitch:
+        if is_far[n]:
             raise InputError(
                 f"probe {_at(probe)} is in no body: the nearest, body {nearest[n]}, "
                 f"is {gap[nearest[n], n]:.3g} m away; give points in the world, where "
                 "the bodies are at the start"
             )
-    for body, body_points, body_located in zip(prepared, points, located, strict=True):
+    for body, body_points, body_located in zip(surfaced, points, located, strict=True):
         number = np.flatnonzero(nearest == body.number)
         if len(number):
             body_located = _Located._make(column[number] for column in body_located)
@@ -160,6 +175,24 @@ def bind_probes(
                 )
             )
     return tuple(bound)
+
+
+def _in_air(air: PreparedBody, number: Int[np.ndarray, " q"], dtype: Any) -> BodyProbes:
+    """Probes with these numbers in a body of air, which has one temperature."""
+    node = np.zeros(len(number), np.int32)
+    none = device_array(np.zeros(0, np.int32))
+    no_weight = device_array(np.zeros(0), dtype)
+    return BodyProbes(
+        body=air.number,
+        number=tuple(number.tolist()),
+        address=air.address_of(node),
+        neighbour=(none,),
+        row=none,
+        inside_weight=no_weight,
+        surface_weight=no_weight,
+        fragment=device_array(node),
+        at_surface=device_array(np.zeros(len(number)), dtype),
+    )
 
 
 def _at(probe: Probe) -> str:

@@ -18,6 +18,7 @@ from ...arrays import Time, consecutive, device_array, taken
 from ...network.network import AbstractNetwork, Address
 from ...parallel.lattice import spread, with_added
 from ...physics.contact.links import ContactLinks
+from ...physics.convection.enclosed_air import AirExchange
 from ...physics.half_cells import varying_half_cells
 from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -171,6 +172,8 @@ class Program(Module):
     """Radiation between surface cells."""
     fine_enclosure: Enclosure | None
     """Radiation between fragments, for reading temperatures."""
+    airs: tuple[AirExchange, ...]
+    """Bodies of air, which exchange heat with surfaces."""
     probes: tuple[BodyProbes, ...]
     surface_heat: SurfaceHeat | None
     """Outputs for every fragment; None for none."""
@@ -193,6 +196,33 @@ class Program(Module):
     def references(self) -> tuple[Float[Any, ""], ...]:
         """Temperatures from which the states count [K]."""
         return tuple(body.reference for body in self.bodies)
+
+    def in_air(self, states: State, start: State | None = None) -> "Program":
+        """The program with its terms at the temperatures of the bodies of air.
+
+        The states are changes since `start` if that is not None.
+        """
+        if not self.airs:
+            return self
+        temperatures = {}
+        for air in self.airs:
+            body = self.bodies[air.body]
+            state = states[air.body]
+            if start is not None:
+                state = state + start[air.body]
+            temperatures[air.body] = body.reference + body.network.temperature(state)[0]
+        load = self.surface
+        if load is not None:
+            by_cell = load.by_cell
+            load = replace(by_cell, terms=by_cell.terms.in_air(temperatures))
+        return replace(
+            self,
+            surface=load,
+            fragment_terms=self.fragment_terms.in_air(temperatures),
+            airs=tuple(
+                replace(air, temperature=temperatures[air.body]) for air in self.airs
+            ),
+        )
 
     def stored_heat(self, states: State) -> Float[Array, " b"]:
         """Heat of every body above its reference [J]."""
@@ -224,7 +254,7 @@ class Program(Module):
         ]
         acting: Sequence[SurfaceState | None] = [None] * len(self.bodies)
         if time is not None:
-            acting = self._surface_states(
+            acting = self.in_air(states)._surface_states(
                 time, [fragments for _, fragments in below], contact_excess, is_limited
             )
         return [
@@ -328,7 +358,7 @@ class Program(Module):
             jnp.zeros_like(body_below) if heat is None else heat
             for body_below, heat in zip(below, contact_heat, strict=True)
         ]
-        terms, joined = self._terms_above(time, below)
+        terms, joined = self.in_air(states)._terms_above(time, below)
         return self.surface_heat.evaluate(
             terms, time, joined, jnp.concatenate(by_contacts)
         )

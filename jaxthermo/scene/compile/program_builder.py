@@ -12,6 +12,7 @@ from ...arrays import device_array, typed_array
 from ...network.network import Address
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import ContactPairs
+from ...physics.convection.enclosed_air import AirExchange, EnclosedAir
 from ...physics.flux_law import bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -23,7 +24,7 @@ from ...physics.term import (
     AbstractVolumeTerm,
 )
 from ...physics.time_varying import breakpoints, changes_unseen, for_jit
-from ..scene import Scene
+from ..scene import Scene, mechanism_names
 from .bodies import PreparedBody
 from .linear_load import linear_programs
 from .probes import bind_probes
@@ -57,12 +58,18 @@ def bind_volumes(scene: Scene) -> tuple[Volumes, list[tuple[int, Omitted]]]:
 
 
 def ledger_entries(
-    names: tuple[str, ...], snapshots: list[Snapshot], volumes: Volumes, prune: bool
+    scene: Scene, snapshots: list[Snapshot], volumes: Volumes, prune: bool
 ) -> Ledger:
     """An entry for every body that a term acts on, in the order of the terms."""
     first = snapshots[0]
     omitted = {(number, body) for number, (_, body) in first.omitted}
-    keys: set[tuple[int, ...]] = {*volumes, *_pair_counts(snapshots)}
+    names = mechanism_names(scene)
+    airs = {
+        (number, term.air)
+        for number, term in enumerate(scene.terms)
+        if isinstance(term, EnclosedAir)
+    }
+    keys: set[tuple[int, ...]] = {*volumes, *_pair_counts(snapshots), *airs}
     for (number, _), where in zip(first.bindings, acting(snapshots), strict=True):
         for body, is_acting in enumerate(first.surface.apart(where)):
             # Without pruning an idle term has entries too: they stay 0.
@@ -98,6 +105,11 @@ class ProgramBuilder:
     def _dtype(self) -> Any:
         return self.snapshots[0].surface.dtype
 
+    @property
+    def _surfaced(self) -> tuple[PreparedBody, ...]:
+        """The bodies that have a surface; those of air follow them."""
+        return self.prepared[: len(self.snapshots[0].surface.bodies)]
+
     @cached_property
     def _entry(self) -> dict[tuple[int, ...], int]:
         return {key: n for n, key in enumerate(self.ledger)}
@@ -112,7 +124,7 @@ class ProgramBuilder:
     def _rows(self) -> tuple[tuple[int, ...], ...]:
         """Entry of each of these terms on each body in the ledger; -1 for none."""
         return tuple(
-            tuple(self._entry.get((n, body.number), -1) for body in self.prepared)
+            tuple(self._entry.get((n, body.number), -1) for body in self._surfaced)
             for n in self._names
         )
 
@@ -163,6 +175,7 @@ class ProgramBuilder:
                 ),
                 enclosure=enclosure,
                 fine_enclosure=fine,
+                airs=self._airs(),
                 probes=probes,
                 surface_heat=outputs,
                 entries=tuple((name, key[1:]) for key, name in self.ledger.items()),
@@ -173,6 +186,21 @@ class ProgramBuilder:
         if all(program.fragment_terms.is_linear for program in programs):
             programs = linear_programs(programs) or programs
         return tuple(programs), _accuracy_notes(exchange, accuracies)
+
+    def _airs(self) -> tuple[AirExchange, ...]:
+        return tuple(
+            term.exchanged(
+                self._entry[number, term.air],
+                walls=tuple(
+                    entry
+                    for key, entry in self._entry.items()
+                    if key[0] == number and key[1] != term.air
+                ),
+                dtype=self._dtype,
+            )
+            for number, term in enumerate(self.scene.terms)
+            if isinstance(term, EnclosedAir)
+        )
 
     def _fragment_terms(self, snapshot: Snapshot) -> SurfaceTerms:
         """The terms on the fragments of all bodies, by their number in the scene."""
@@ -206,12 +234,12 @@ class ProgramBuilder:
         # By term, and by body.
         masks = [surface.apart(is_acting) for is_acting in self._acting]
         # Fragments of one cell must be in one patch of the radiative exchange.
-        groups: list = [None] * len(self.prepared)
+        groups: list = [None] * len(self._surfaced)
         if fine is not None:
             groups = surface.apart(np.asarray(fine.patch))
         cells = []
         cell = []
-        for n, body in enumerate(self.prepared):
+        for n, body in enumerate(self._surfaced):
             body_masks = [mask[n] for mask in masks]
             cells_of_body, cell_of_fragment = body_cells(body, body_masks, groups[n])
             cells.append(cells_of_body)

@@ -15,6 +15,7 @@ from ...sheets.sheet_grid import SheetGrid
 from ...structures.kinds.sheet import Sheet
 from ...structures.kinds.shell import SingleShell
 from ...structures.structure import AbstractStructure
+from ..air import bodies_around_air, bodies_with_surface, body_name
 from ..body_mass import body_mass
 from ..motion import Motion
 from ..scene import AbstractMaterials, Body, Scene, mechanism_names
@@ -58,6 +59,7 @@ def receipt_of(
     """
     first = snapshots[0]
     structures = [body.structure for body in scene.bodies]
+    around = bodies_around_air(scene)
     moves = len(starts) > 1
     return Receipt(
         included=("conduction", *dict.fromkeys(ledger.values())),
@@ -77,7 +79,12 @@ def receipt_of(
             *_counted(first, off=True),
             *_thin_warnings(first),
         ),
-        structures=tuple(_described(structure) for structure in structures),
+        structures=tuple(
+            f"{body_name(number, around)}, 1 node"
+            if number in around
+            else _described(structure)
+            for number, structure in enumerate(structures)
+        ),
         nodes=sum(structure.node_count for structure in structures),
         links=sum(structure.link_count for structure in structures),
         fragments=sum(first.surface.counts),
@@ -104,14 +111,15 @@ def _parts(
     total_area = [float(body.grid.fragment_area.sum()) for body in surface.bodies]
     acting = [(n, surface.apart(binding.acting)) for n, binding in snapshot.bindings]
     for (number, *bodies), name in ledger.items():
-        area = surface.bodies[bodies[0]].grid.fragment_area
         reached = 0.0
         volume = 0.0
         if len(bodies) == 2:
             pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
             if pairs is not None:
                 reached = float(pairs.area.sum())
-        else:
+        elif bodies[0] < len(surface.bodies):
+            # Bodies of air have no surface.
+            area = surface.bodies[bodies[0]].grid.fragment_area
             if (number, bodies[0]) in volumes:
                 volume = float(volumes[number, bodies[0]].volume.sum())
             masks = [by_body[bodies[0]] for n, by_body in acting if n == number]
@@ -128,7 +136,7 @@ def _parts(
                 bodies=tuple(bodies),
                 area=reached,
                 volume=volume,
-                surface_share=reached / total_area[bodies[0]],
+                surface_share=reached / total_area[bodies[0]] if reached else 0.0,
             )
         )
     return tuple(acting_parts)
@@ -141,14 +149,14 @@ def _omissions(
     moves: bool,
 ) -> tuple[Omission, ...]:
     """All that was left out: of surfaces, of volumes, of pairs, and of the scene."""
-    several = len(scene.bodies) > 1
+    several = len(bodies_with_surface(scene)) > 1
     names = mechanism_names(scene)
 
     def on(name: str, body: int | None) -> str:
         return f"{name} on body {body}" if several else name
 
     omissions = []
-    for index, body in enumerate(scene.bodies):
+    for index, body in enumerate(bodies_with_surface(scene)):
         reasons = {
             n: omitted.reason
             for n, omitted in snapshot.omitted
@@ -265,7 +273,8 @@ def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     if not exchange and not any(term.from_outside for term in surface_terms):
         return ()
     lines = []
-    for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
+    bodies = bodies_with_surface(scene)
+    for body, surface in zip(bodies, snapshot.surface.bodies, strict=True):
         opened = surface.grid.opened_area
         if body.inside == "open" or not opened:
             continue

@@ -38,7 +38,8 @@ from ...physics.term import (
 )
 from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.selection import AbstractSelection
-from ..scene import Scene
+from ..air import bodies_with_surface
+from ..scene import Body, Scene
 from .bodies import PreparedBody, surface_property
 from .claims import claimed_fragments
 
@@ -93,26 +94,28 @@ def take_snapshots(
     stops = (*starts[1:], max(end, starts[-1]))
     snapshots = []
     clear_pairs = {}
+    surfaced = bodies_with_surface(scene)
     for start, stop in zip(starts, stops, strict=True):
         # The geometry halfway between two snapshots is exact to second order in their
         # distance for whatever moves smoothly.
         time = (start + stop) / 2
-        poses = tuple(body.pose.at(time) for body in scene.bodies)
+        poses = tuple(body.pose.at(time) for body in surfaced)
         placed = tuple(
             PlacedGrid(body.structure.grid, pose, f"body {index}")
-            for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True))
+            for index, (body, pose) in enumerate(zip(surfaced, poses, strict=True))
         )
         overlaps = _overlaps(placed, clear_pairs)
         contacts = _find_contacts(scene, placed)
         surface = Surface(
             bodies=_body_surfaces(
-                scene,
+                surfaced,
                 prepared=prepared,
                 poses=poses,
                 covered=contacts.covered,
+                dtype=np.dtype(scene.dtype),
                 prune=once,
             ),
-            references=tuple(body.reference for body in prepared),
+            references=tuple(body.reference for body in prepared[: len(surfaced)]),
             temperatures=temperatures,
             end=end,
         )
@@ -161,26 +164,26 @@ def acting(snapshots: list[Snapshot]) -> list[Bool[np.ndarray, " s"]]:
 
 
 def _body_surfaces(
-    scene: Scene,
+    bodies: tuple[Body, ...],
     prepared: tuple[PreparedBody, ...],
     poses: tuple[Pose, ...],
     covered: list[Float[np.ndarray, " _"] | None],
+    dtype: Any,
     prune: bool,
 ) -> tuple[BodySurface, ...]:
     # Covered is the fraction of each fragment that another body touches, if any.
-    dtype: Any = np.dtype(scene.dtype)
     placed = [
         placed_surface(body.structure.grid, pose)
-        for body, pose in zip(scene.bodies, poses, strict=True)
+        for body, pose in zip(bodies, poses, strict=True)
     ]
     shadow = scene_triangles(placed)
     enclosing = enclosing_bodies(
-        tuple(body.structure.grid for body in scene.bodies),
+        tuple(body.structure.grid for body in bodies),
         poses=poses,
-        inside=tuple(body.inside for body in scene.bodies),
+        inside=tuple(body.inside for body in bodies),
     )
     surfaces = []
-    for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
+    for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
         grid = body.structure.grid
         exposed = _exposed(grid, covered[index], dtype)
         half_cell = prepared[index].half_cell

@@ -6,7 +6,9 @@ from jaxtyping import Array, Float
 
 from ...arrays import added, taken
 from ...network.columns import STABLE_FRACTION
+from ...physics.convection.enclosed_air import AirExchange, AirLaw
 from ...physics.half_cells import Extremes
+from ...physics.time_varying import largest
 from .program import Program
 
 
@@ -52,7 +54,24 @@ def _stiffness(program: Program, number: int, highest, end):
             if contact.bodies[side] == number:
                 stiffness = contact.stiffness(side, end, pair)
                 loads.append((contact.address[side], stiffness))
+    for air in program.airs:
+        if air.body == number:
+            loads.append(((jnp.zeros(1, int),), _air_stiffness(program, air, end)))
     return loads
+
+
+def _air_stiffness(
+    program: Program, air: AirExchange, end: float
+) -> Float[Array, " 1"]:
+    """Conductances from the air to all surfaces and to outside [W/K]."""
+    capacity = program.bodies[air.body].network.capacity()
+    dtype = capacity.dtype
+    total = largest(air.rate, end).astype(dtype) * jnp.reshape(capacity, (-1,))[0]
+    for _, term in program.fragment_terms.natural:
+        if isinstance(term.law, AirLaw) and term.law.air == air.body:
+            h = largest(term.law.coefficient, end).astype(dtype)
+            total = total + h * jnp.asarray(term.effective_area).sum()
+    return jnp.reshape(total, (1,))
 
 
 def _extremes(program: Program, number: int) -> Extremes:

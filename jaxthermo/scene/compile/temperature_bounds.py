@@ -15,8 +15,8 @@ flux q_f and its part of the heat of its node, see `equilibrium` of a law. Surfa
 hotter than their nodes by Q_f / G_f at most. Lower bounds follow likewise from the
 first, with the heat that is extracted.
 
-Each group of bodies that exchange heat, by contact or by radiation, has its own bounds,
-of which the highest is that of the scene.
+Each group of bodies that exchange heat, by contact, radiation or air, has its own
+bounds, of which the highest is that of the scene.
 """
 
 from collections.abc import Iterator, Sequence
@@ -110,6 +110,10 @@ def _groups(programs: Sequence[Program]) -> Bool[np.ndarray, "b b"]:
         for contact in program.contacts:
             first, second = contact.bodies
             joined[first, second] = joined[second, first] = True
+        for air in program.airs:
+            for wall in air.walls:
+                _, (body,) = program.entries[wall]
+                joined[air.body, body] = True
     _, group = connected_components(coo_array(joined), directed=False)
     return group[:, None] == group
 
@@ -210,7 +214,7 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
         smallest = network.min_relative_capacity()
         capacity = network.capacity_at(body.address) * smallest
         for number, energy in energies.items():
-            rise = (_sums(body, energy[fragments]) / capacity).max()
+            rise = (_sums(body, energy[fragments]) / capacity).max(initial=0)
             rises.setdefault(number, {})[index] = rise
         rate = _sums(body, total[fragments]) / capacity
         if body.sources:
@@ -225,9 +229,9 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
                 by_body[index] = jnp.maximum(by_body.get(index, 0), rise)
                 by_node = added(by_node, source.address, per_density * density.largest)
             rate = by_node
-        rates.append(rate.max())
+        rates.append(rate.max(initial=0))
         conductance = half_cell[fragments] * network.min_relative_conductivity()
-        excess.append(_over(total[fragments], conductance).max())
+        excess.append(_over(total[fragments], conductance).max(initial=0))
     none = jnp.zeros_like(rates[0])
     by_load = [
         jnp.stack([by_body.get(index, none) for index in range(len(rates))])

@@ -1,0 +1,70 @@
+"""Bodies of air in a scene: which they are, and what encloses them."""
+
+from ..errors import InputError
+from ..physics.convection.enclosed_air import EnclosedAir
+from ..physics.convection.interior_air import InteriorAir
+from ..structures.kinds.air import AirVolume
+from .scene import Body, Scene
+
+
+def bodies_with_surface(scene: Scene) -> tuple[Body, ...]:
+    """The bodies that have a surface, whose numbers are the first ones."""
+    return tuple(
+        body for body in scene.bodies if not isinstance(body.structure, AirVolume)
+    )
+
+
+def bodies_around_air(scene: Scene) -> dict[int, int]:
+    """Number of the body that encloses each body of air, by the number of the air."""
+    return {
+        term.air: term.body for term in scene.terms if isinstance(term, EnclosedAir)
+    }
+
+
+def body_name(number: int, airs: dict[int, int]) -> str:
+    """Name of a body in tables, by `bodies_around_air`."""
+    return f"air of body {airs[number]}" if number in airs else f"body {number}"
+
+
+def check_airs(scene: Scene) -> None:
+    """Raise if bodies and terms of air do not belong together one by one."""
+    count = len(bodies_with_surface(scene))
+    if not count:
+        raise InputError("Scene(bodies=): all are air: give a body that encloses it")
+    enclosed: dict[int, int] = {}
+    air_terms: dict[int, int] = {}
+    for number, term in enumerate(scene.terms):
+        if not isinstance(term, InteriorAir | EnclosedAir):
+            continue
+        if term.body in enclosed:
+            raise InputError(
+                f"terms[{number}]: body {term.body} has the air of terms["
+                f"{enclosed[term.body]}] already: give one of both"
+            )
+        enclosed[term.body] = number
+        if not isinstance(term, EnclosedAir):
+            continue
+        if not isinstance(scene.bodies[term.air].structure, AirVolume):
+            raise InputError(
+                f"terms[{number}]: EnclosedAir(air={term.air}): body {term.air} is no "
+                "AirVolume: name the body of air"
+            )
+        if term.air in air_terms:
+            raise InputError(
+                f"terms[{number}]: EnclosedAir(air={term.air}): the air of terms["
+                f"{air_terms[term.air]}]: give each its own AirVolume"
+            )
+        air_terms[term.air] = number
+    for number, body in enumerate(scene.bodies):
+        if not isinstance(body.structure, AirVolume):
+            continue
+        if number < count:
+            raise InputError(
+                f"bodies[{number}]: AirVolume: bodies of air come after all others: "
+                "move it to the end"
+            )
+        if number not in air_terms:
+            raise InputError(
+                f"bodies[{number}]: AirVolume: no term joins it to walls: give "
+                f"EnclosedAir(.., air={number})"
+            )
