@@ -152,7 +152,7 @@ def build_case(config: SceneConfig) -> _Built:
     key = json.dumps([resolved(body) for body in config.bodies], default=str)
     built = _bodies(Keyed(key, tuple(config.bodies)))
     clock = time.perf_counter()
-    scene = config.scene(built.bodies, config.build_terms())
+    scene = config.scene(config.with_air(built.bodies), config.build_terms())
     structures_s = built.structures_s + time.perf_counter() - clock
     return _Built(scene, built.voxels_s, structures_s)
 

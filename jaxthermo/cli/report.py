@@ -19,6 +19,7 @@ from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution
 from ..report.numbers import count
 from ..report.table import Table
+from ..scene.air import bodies_around_air, bodies_with_surface, body_name
 from ..scene.body_mass import body_mass
 from ..scene.compile.program import Compiled
 from ..scene.scene import Body, Scene
@@ -35,7 +36,7 @@ def log_scene(
     console: Console, scene: Scene, plan: Plan, structures: list[StructureReport]
 ) -> None:
     """Print the bodies, with their `structure_report`, the receipt, and the steps."""
-    for body, report in zip(scene.bodies, structures, strict=True):
+    for body, report in zip(bodies_with_surface(scene), structures, strict=True):
         grid = body.structure.grid
         edge = f"{grid.pitch * 1e3:.4g} mm"
         if isinstance(body.structure, Sheet):
@@ -52,6 +53,13 @@ def log_scene(
         for line in _structure_lines(report):
             print_line(console, f"  {line}")
         print_line(console, f"  {_sizes(body)}")
+    for number, around in bodies_around_air(scene).items():
+        air = scene.bodies[number]
+        print_line(
+            console,
+            f"air of body {around}: {air.structure.volume:.4g} m3, "
+            f"{body_mass(air):.4g} kg",
+        )
     receipt = plan.compiled.receipt
     print_line(console, f"included: {', '.join(receipt.included)}")
     for omission in receipt.left_out:
@@ -79,13 +87,15 @@ def log_scene(
 def log_receipt(console: Console, plan: Plan) -> None:
     """Print the receipt: mechanisms, with the bodies and areas on which they act."""
     receipt = plan.compiled.receipt
+    airs = bodies_around_air(plan.scene)
     rows = [
         ("conduction", f"body {index} ({structure})", "", "", "", "")
         for index, structure in enumerate(receipt.structures)
+        if index not in airs
     ]
     rates = _rates_at_start(plan.compiled)
     for mechanism, rate in zip(receipt.parts, rates, strict=True):
-        where = " and ".join(f"body {index}" for index in mechanism.bodies)
+        where = " and ".join(body_name(index, airs) for index in mechanism.bodies)
         fraction = f"{100 * mechanism.surface_share:.3g} %" if mechanism.area else ""
         area = f"{mechanism.area:.4g} m2" if mechanism.area else ""
         volume = f"{mechanism.volume:.4g} m3" if mechanism.volume else ""

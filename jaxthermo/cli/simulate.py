@@ -46,6 +46,7 @@ from ..parallel.processes import (
     watching_others,
 )
 from ..report.numbers import count
+from ..scene.air import bodies_with_surface
 from ..scene.compile.on_devices import on_devices
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene, mechanism_names
@@ -149,7 +150,9 @@ def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
             solver=config.solver.build(),
             control_error=True,
         )
-        structures = [structure_report(body.structure) for body in scene.bodies]
+        structures = [
+            structure_report(body.structure) for body in bodies_with_surface(scene)
+        ]
         warnings = [
             *doubts,
             *plan.compiled.receipt.warnings,
@@ -164,7 +167,7 @@ def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
 def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
     # The weights of a card are fitted: outside their range they may be far off.
     warnings = []
-    pairs = zip(config.bodies, scene.bodies, strict=True)
+    pairs = zip(config.bodies, bodies_with_surface(scene), strict=True)
     for n, (body_config, body) in enumerate(pairs):
         path = body_config.structure.weights.card
         if path is None:
@@ -218,7 +221,7 @@ def _run_simulation(
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
         stored = save_solution(out / "solution.npz", solution)
-        write_energy(out / "energy.csv", solution)
+        write_energy(out / "energy.csv", planned.scene, solution)
         if solution.probes:
             write_probes(out / _PROBES, solution)
         times |= {"setup_time_s": setup, "frames_time_s": 0.0}

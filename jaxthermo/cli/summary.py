@@ -16,6 +16,7 @@ from ..integrate.ledger import Energy, pair_name
 from ..integrate.run.solution import RESULTS, Solution
 from ..provenance import provenance
 from ..report.columns import write_columns
+from ..scene.air import bodies_around_air, bodies_with_surface, body_name
 from ..scene.body_mass import body_mass
 from ..scene.scene import Scene
 from ..structures.report import StructureReport
@@ -58,6 +59,18 @@ class _BodyResults(TypedDict):
     """Mean over the volume [K]."""
 
 
+class _AirResults(TypedDict):
+    """Results of the air in a body in `summary.json`; lists are over saved times."""
+
+    inside_body: int
+    number: int
+    """Number of the air as a body, after all that have a surface."""
+    mass_kg: float
+    volume_m3: float
+    energy: dict[str, list[float]]
+    temperature_K: list[float]
+
+
 class _ProbeResults(TypedDict):
     """Results of one probe in `summary.json`."""
 
@@ -66,11 +79,25 @@ class _ProbeResults(TypedDict):
     """Temperature at each saved time [K]."""
 
 
+def _mean_temperature(solution: Solution, index: int) -> list[float]:
+    return np.asarray(solution.mean_temperature, float)[:, index].tolist()
+
+
+def _air(scene: Scene, solution: Solution, index: int, around: int) -> _AirResults:
+    return _AirResults(
+        inside_body=around,
+        number=index,
+        mass_kg=body_mass(scene.bodies[index]),
+        volume_m3=scene.bodies[index].structure.volume,
+        energy=_as_lists(solution.energy.bodies[index]),
+        temperature_K=_mean_temperature(solution, index),
+    )
+
+
 def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
     grid = scene.bodies[index].structure.grid
     temperature = np.asarray(solution.of_body(index), float)
     weight = grid.fragment_area / grid.fragment_area.sum()
-    mean_temperature = np.asarray(solution.mean_temperature, float)[:, index]
     return _BodyResults(
         mesh=describe_mesh(grid.mesh),
         mass_kg=body_mass(scene.bodies[index]),
@@ -82,7 +109,7 @@ def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
             "mean": (temperature @ weight).tolist(),
             "max": temperature.max(axis=1).tolist(),
         },
-        mean_temperature_K=mean_temperature.tolist(),
+        mean_temperature_K=_mean_temperature(solution, index),
     )
 
 
@@ -134,7 +161,7 @@ def summarize(
         scene: built from the config.
         solution: of the scene.
         times: wall times by name.
-        structures: `structure_report` of each body.
+        structures: `structure_report` of each body that has a surface.
         warnings: likely mistakes, and numbers outside the range of fit cards.
     """
     receipt = solution.receipt.as_dict()
@@ -157,7 +184,13 @@ def summarize(
         "times_s": np.asarray(solution.times, float).tolist(),
         "energy": _as_lists(solution.energy),
         "terms": _terms(solution),
-        "bodies": [_body(scene, solution, b) for b in range(len(scene.bodies))],
+        "bodies": [
+            _body(scene, solution, b) for b in range(len(bodies_with_surface(scene)))
+        ],
+        "airs": [
+            _air(scene, solution, air, around)
+            for air, around in bodies_around_air(scene).items()
+        ],
         "probes": _probes(solution),
         "config": resolved(config),
         **provenance(config_hash(config)),
@@ -196,16 +229,17 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
-def write_energy(path: Path, solution: Solution) -> None:
+def write_energy(path: Path, scene: Scene, solution: Solution) -> None:
     """Write the ledger at each saved time as CSV, in one step.
 
     The first columns are of all bodies together, the following ones of each body.
     """
     columns = _ledger(solution.energy)
+    airs = bodies_around_air(scene)
     if len(solution.energy.bodies) > 1:
         for index, body in enumerate(solution.energy.bodies):
             for name, column in _ledger(body).items():
-                columns[f"body {index}: {name}"] = column
+                columns[f"{body_name(index, airs)}: {name}"] = column
     write_columns(path, np.asarray(solution.times, float).tolist(), columns)
 
 

@@ -43,6 +43,9 @@ def test_it_runs(out, name, changes, mechanisms):
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary["receipt"]["included"]) == {"conduction", *mechanisms}
     assert np.abs(summary["energy"]["residual_relative"]).max() < 1e-5
+    assert [air["inside_body"] for air in summary["airs"]] == (
+        [0] if "interior_air" in mechanisms else []
+    )
     through = [heat for key, heat in summary["energy"].items() if "contact" in key]
     assert bool(through) == ("contact" in mechanisms)
     # From the warm ball, which is the later body, to what it stands on.

@@ -17,7 +17,7 @@ from ..types.files import FoundPath, read_solid
 from ..types.model import Mistake, Model, Short, build
 from ..types.varying import AnyFraction, not_increasing, unequal
 from .geometry import MeshConfig, PartsShape, PoseConfig, ShapeConfig
-from .interior import InteriorConfig
+from .interior import AirConfig, InteriorConfig
 from .material import (
     BodyMaterial,
     FinishName,
@@ -213,9 +213,21 @@ class BodyConfig(Model, builds="Body"):
             return sheet
         return sheet.model_copy(update={"back": self.temperature})
 
-    def build_terms(self, number: int) -> tuple[Any, ...]:
-        """Terms of the body with this number: its air, and a back that is held."""
-        terms = [] if self.interior is None else [self.interior.build(number)]
+    @property
+    def air(self) -> AirConfig | None:
+        """The volume of air in the body whose temperature is computed; None if none."""
+        return None if self.interior is None else self.interior.air
+
+    def build_terms(
+        self, number: int, air: int | None = None, outdoors: Any = None
+    ) -> tuple[Any, ...]:
+        """Terms of the body with this number: its air, and a back that is held.
+
+        The air has a number, too, and exchanges with air outdoors of a temperature.
+        """
+        terms = []
+        if self.interior is not None:
+            terms.append(self.interior.build(number, air, outdoors))
         if self.wall is not None and self.wall.held is not None:
             back = jaxthermo.Face("back", body=number)
             terms.append(jaxthermo.FixedTemperature(self.wall.held, on=back))

@@ -1,5 +1,6 @@
 """The config of a scene, complete, with the checks between its parts."""
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -135,7 +136,23 @@ class SceneConfig(Model, builds="Scene"):
         Raises:
             InputError: for a mesh, labels, mask or fit card that cannot be used.
         """
-        return self.scene(bodies=build(self.bodies), terms=self.build_terms())
+        bodies = self.with_air(build(self.bodies))
+        return self.scene(bodies=bodies, terms=self.build_terms())
+
+    def with_air(self, bodies: tuple[Any, ...]) -> tuple[Any, ...]:
+        """The built bodies, followed by the air in those whose air is computed.
+
+        Raises:
+            InputError: for air in a body that has no cavity.
+        """
+        airs = [
+            config.interior.build_air(body, number)
+            for number, (config, body) in enumerate(
+                zip(self.bodies, bodies, strict=True)
+            )
+            if config.interior is not None and config.air is not None
+        ]
+        return (*bodies, *airs)
 
     def build_terms(self) -> tuple[Any, ...]:
         """The terms, followed by those of the bodies, and of `outdoors`.
@@ -143,15 +160,22 @@ class SceneConfig(Model, builds="Scene"):
         Raises:
             InputError: for weather that cannot be used, or without its extra.
         """
+        outside = ()
+        if self.outdoors is not None:
+            outside = self.outdoors.build(self.time.last)
+        outer_air = next((t.temperature for t in outside if t.is_convective), None)
+        # The bodies of air follow all others.
+        air = itertools.count(len(self.bodies))
         of_bodies = [
             term
             for number, body in enumerate(self.bodies)
-            for term in body.build_terms(number)
+            for term in body.build_terms(
+                number,
+                air=None if body.air is None else next(air),
+                outdoors=outer_air,
+            )
         ]
-        terms = (*build(self.terms), *of_bodies)
-        if self.outdoors is None:
-            return terms
-        return (*terms, *self.outdoors.build(self.time.last))
+        return (*build(self.terms), *of_bodies, *outside)
 
     def scene(self, bodies: tuple[Any, ...], terms: tuple[Any, ...]) -> "Scene":
         """A scene of these bodies and terms, with the options of this config."""
@@ -174,6 +198,20 @@ class SceneConfig(Model, builds="Scene"):
             *_unseen_measurements(data),
             *_second_emission(data),
             *_second_occlusion(data),
+        ]
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        outdoors = () if self.outdoors is None else self.outdoors.terms
+        if {"wind", "convection"} & {*outdoors}:
+            return []
+        message = "missing: give the temperature of the air that enters by `exchange`"
+        return [
+            (("bodies", number, "interior", "air", "outside"), message)
+            for number, body in enumerate(self.bodies)
+            if body.air is not None
+            and body.air.is_exchanged
+            and body.air.outside is None
         ]
 
 

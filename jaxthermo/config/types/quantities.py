@@ -41,6 +41,8 @@ _FACTORS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "min": 60.0, "h": 3600.0},
     "K": dict.fromkeys(KELVIN_NAMES, 1.0),
     "m/s": {"m/s": 1.0},
+    "m^3": {"m^3": 1.0, "l": 1e-3},
+    "1/s": {"1/s": 1.0, "1/h": 1 / 3600},
     "deg": {"deg": 1.0},
     "W/m^2": {"W/m^2": 1.0, "kW/m^2": 1000.0},
     "W/(m^2 K)": {"W/(m^2 K)": 1.0, "kW/(m^2 K)": 1000.0},
@@ -260,6 +262,8 @@ Number = Annotated[float, NUMBER]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Length = Annotated[float, LENGTH]
 PositiveLength = Annotated[Length, Field(gt=0)]
+PositiveVolume = Annotated[float, Unit("m^3", "a volume", "3 m^3"), Field(gt=0)]
+AirExchange = Annotated[float, Unit("1/s", "an air exchange", "2 1/h"), Field(ge=0)]
 Time = Annotated[float, Unit("s", "a time", "3 min")]
 PositiveTime = Annotated[Time, Field(gt=0)]
 Temperature = Annotated[float, TEMPERATURE, AfterValidator(_plausible)]

@@ -31,6 +31,7 @@ def test_the_van_is_closed_and_stands_on_the_ground():
     x, z = outline.T
     area = 0.5 * abs((x * np.roll(z, -1) - np.roll(x, -1) * z).sum())
     assert mesh.volume == pytest.approx(1.96 * area)
+    assert body.grid.cavity_volume == pytest.approx(mesh.volume)
     for n in range(3, 7):
         placed = config.bodies[n].build_mesh().placed(config.bodies[n].pose.build())
         assert placed.bounds[0, 2] == pytest.approx(0.0, abs=6e-3)
