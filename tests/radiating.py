@@ -35,7 +35,6 @@ def surface_of(grid: VoxelGrid, pose=STANDING, obstacles=(), emissivity=0.8, bod
         area=grid.fragment_area,
         exposed_fraction=np.ones(count),
         natural=np.ones(count, bool),
-        half_cell=np.full(count, 1e3),
         emissivity=np.asarray(emissivity),
         absorptivity=np.asarray(1.0),
         scene_triangles=np.concatenate(
@@ -47,7 +46,8 @@ def surface_of(grid: VoxelGrid, pose=STANDING, obstacles=(), emissivity=0.8, bod
 
 def whole(*bodies, reference=300.0):
     """The surface of a scene of these bodies, all counted from one temperature."""
-    return Surface(bodies, (reference,) * len(bodies))
+    count = sum(len(body.area) for body in bodies)
+    return Surface(bodies, (reference,) * len(bodies), half_cell=np.full(count, 1e3))
 
 
 def shell(inner: float, outer: float, subdivisions: int = 3) -> Mesh:

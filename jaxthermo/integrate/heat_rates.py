@@ -6,6 +6,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from equinox import Module
 from jaxtyping import Array, Float
 
@@ -44,13 +45,11 @@ def add_loads(
     # The heat that one body loses the other gains, from the same temperatures.
     warmed = list(after_loads)
     for contact in program.contacts:
-        first, second = contact.bodies
         with jax.named_scope("contact"):
             heat = contact.heat(time, pair_nodes(program, contact, states, start))
-            (warmed[first], warmed[second]), rate = contact.apply_heat(
-                (warmed[first], warmed[second]), heat.rate, dt
-            )
-            rates = rates.at[contact.entry].add(rate)
+            for side, body in enumerate(contact.bodies):
+                warmed[body] = contact.apply_heat(side, warmed[body], heat.rate, dt)
+            rates = rates.at[np.array(contact.entries)].add(contact.sums(heat.rate))
     return tuple(warmed), rates
 
 
@@ -74,7 +73,7 @@ def _add_own_loads(
         for source in body.sources:
             with jax.named_scope("heat_source"):
                 body_state, rate = source.apply_heat(body_state, time, dt)
-            rates = rates.at[source.entry].add(rate)
+            rates = rates.at[np.array(source.entries)].add(rate)
         warmed.append(body_state)
     load = program.surface
     if load is not None:
@@ -87,9 +86,10 @@ def _add_own_loads(
                 index, body_state, networks[index], dt, heat[index]
             )
     for air in program.airs:
-        capacity = program.bodies[air.body].network.total_capacity()
+        number = program.group_of(air.body)
+        capacity = program.bodies[number].network.total_capacity()
         rate = air.heat_rate(time, capacity, rates)
-        warmed[air.body] = warmed[air.body] + dt * rate / capacity
+        warmed[number] = warmed[number] + dt * rate / capacity
         rates = rates.at[air.entry].add(rate)
     return tuple(warmed), rates
 
@@ -193,7 +193,10 @@ def pair_nodes(
         varying = cells_a, cells_b
     return PairNodes(
         theta=(first, second),
-        references=(bodies[0].reference, bodies[1].reference),
+        references=(
+            bodies[0].reference_at(contact.address[0]),
+            bodies[1].reference_at(contact.address[1]),
+        ),
         varying=varying,
     )
 

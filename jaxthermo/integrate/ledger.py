@@ -3,17 +3,17 @@
 Relative residual = (stored heat - heat of all mechanisms) / heat moved.
 """
 
-from dataclasses import replace
 from functools import cache
-from typing import TypeVar
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from ..arrays import device_array, product
+from ..arrays import device_array, is_traced, product
+from ..physics.flux_law import Values
 from ..scene.compile.program import LedgerEntries
 
 
@@ -54,16 +54,16 @@ def empty_ledger(entries: int, dtype) -> Ledger:
 class Energy(Module):
     """Energies of all bodies, or of one, at the saved times, since the start [J]."""
 
-    stored_J: Float[Array, " t"]
+    stored_J: Float[Values, " t"]
     """Heat stored [J]."""
-    mechanisms: dict[str, Float[Array, " t"]]
+    mechanisms: dict[str, Float[Values, " t"]]
     """Heat by each mechanism [J]."""
-    contacts: dict[str, Float[Array, " t"]]
+    contacts: dict[str, Float[Values, " t"]]
     """Heat from the first to the second body of each pair in contact, by a name such as
     "contact 0-1"; of one body, positive into it [J]."""
     bodies: tuple["Energy", ...]
     """Energies of each body; empty within one body."""
-    residual_relative: Float[Array, " t"]
+    residual_relative: Float[Values, " t"]
     """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction; of one
     body, contacts count with the mechanisms."""
 
@@ -71,73 +71,118 @@ class Energy(Module):
 class HeatRates(Module):
     """Heat rates of all bodies, or of one, in a steady state [W]."""
 
-    mechanisms: dict[str, Float[Array, ""]]
+    mechanisms: dict[str, Float[Values, ""]]
     """Heat rate by each mechanism [W]."""
-    contacts: dict[str, Float[Array, ""]]
+    contacts: dict[str, Float[Values, ""]]
     """Heat rate from the first to the second body of each pair in contact; of one body,
     positive into it [W]."""
     bodies: tuple["HeatRates", ...]
     """Heat rates of each body; empty within one body."""
-    residual_relative: Float[Array, ""]
+    residual_relative: Float[Values, ""]
     """Net heat rate over the sum of magnitudes, 0 in a steady state."""
 
 
-_Energies = TypeVar("_Energies", bound=Energy | HeatRates)
+class EnergyTable(NamedTuple):
+    """Energies of a scene at the saved times, since the start [J]."""
+
+    stored: Float[Values, "t b"]
+    """Heat that each body stores."""
+    heat: Float[Values, "t c"]
+    """Heat by each entry of the ledger."""
+    mechanisms: Float[Values, "t m"]
+    """Heat by each mechanism into all bodies, in the order of the entries."""
+    total: Float[Values, " t"]
+    """Heat that all bodies store."""
+    relative: Float[Values, " t"]
+    """(total - sum of mechanisms) / heat moved [-]."""
+    relative_of_bodies: Float[Values, "t b"]
+    """The like of each body, with its contacts among the mechanisms."""
 
 
-def energies(
+def energy_table(
     entries: LedgerEntries,
     stored: Float[Array, "t b"],
     heat: Float[Array, "t c"],
     moved: Float[Array, "t c"],
     equalization: Float[Array, " b"],
-) -> Energy:
-    """Group a ledger of one column per entry by mechanism, by body and by pair [J]."""
-    bodies = tuple(
-        _body_energy(
-            entries,
-            body=body,
-            stored=stored[:, body],
-            heat=heat,
-            moved=moved,
-            equalization=equalization[body],
-        )
-        for body in range(stored.shape[1])
-    )
-    outer = [c for c, (_, ends) in enumerate(entries) if len(ends) == 1]
-    pairs = [c for c, (_, ends) in enumerate(entries) if len(ends) == 2]
-    # Contacts cancel in the sum over bodies and are listed apart.
-    mechanisms: dict[str, Float[Array, " t"]] = {}
-    for c in outer:
-        name = entries[c][0]
-        mechanisms[name] = mechanisms.get(name, 0) + heat[:, c]
+) -> EnergyTable:
+    """Sum a ledger of one column per entry by mechanism and by body [J]."""
+    # Products with constant matrices: as many operations for any number of bodies.
+    signs = _signs(entries, stored.shape[1])
+    names = _mechanisms(entries)
+    outer = np.array(
+        [
+            [len(ends) == 1 and name == mechanism for mechanism in names]
+            for name, ends in entries
+        ],
+        heat.dtype,
+    ).reshape(len(entries), len(names))
+    mechanisms = product(heat, device_array(outer))
+    into = product(heat, device_array(signs.T, heat.dtype))
+    through = product(moved, device_array(np.abs(signs).T, heat.dtype))
     total = stored.sum(axis=1)
-    error = total - heat[:, np.array(outer, int)].sum(axis=1)
-    return Energy(
-        stored_J=total,
+    # Contacts cancel in the sum over bodies.
+    error = total - mechanisms.sum(axis=1)
+    return EnergyTable(
+        stored=stored,
+        heat=heat,
         mechanisms=mechanisms,
-        contacts={pair_name(*entries[c]): heat[:, c] for c in pairs},
-        bodies=bodies,
-        residual_relative=error / _nonzero(moved.sum(axis=1) + equalization.sum()),
+        total=total,
+        relative=error / _nonzero(moved.sum(axis=1) + equalization.sum()),
+        relative_of_bodies=(stored - into) / _nonzero(through + equalization[None]),
     )
 
 
-def _body_energy(entries, body, stored, heat, moved, equalization) -> Energy:
-    columns = [c for c, (_, ends) in enumerate(entries) if body in ends]
-    loads = [c for c in columns if len(entries[c][1]) == 1]
-    pairs = [c for c in columns if len(entries[c][1]) == 2]
-    contacts = {
-        pair_name(*entries[c]): _sign(entries[c][1], body) * heat[:, c] for c in pairs
-    }
-    total = heat[:, np.array(loads, int)].sum(axis=1)
-    total = sum(contacts.values(), total)
-    through = moved[:, np.array(loads + pairs, int)].sum(axis=1)
+def energies(entries: LedgerEntries, table: EnergyTable) -> Energy:
+    """Group a table of energies by mechanism, by body and by pair [J]."""
+    if not is_traced(table):
+        # Cut on the host: a single operation on the device would take longer.
+        table = EnergyTable(*map(np.asarray, table))
+    columns: list[list[int]] = [[] for _ in range(table.stored.shape[1])]
+    for c, (_, ends) in enumerate(entries):
+        for body in ends:
+            columns[body].append(c)
     return Energy(
-        stored_J=stored,
-        mechanisms={entries[c][0]: heat[:, c] for c in loads},
+        stored_J=table.total,
+        mechanisms={
+            name: table.mechanisms[:, n] for n, name in enumerate(_mechanisms(entries))
+        },
+        # Contacts are listed apart.
+        contacts={
+            pair_name(name, ends): table.heat[:, c]
+            for c, (name, ends) in enumerate(entries)
+            if len(ends) == 2
+        },
+        bodies=tuple(
+            _body_energy(entries, table, body, of_body)
+            for body, of_body in enumerate(columns)
+        ),
+        residual_relative=table.relative,
+    )
+
+
+def _mechanisms(entries: LedgerEntries) -> tuple[str, ...]:
+    """Mechanisms that heat single bodies, each once."""
+    return tuple(dict.fromkeys(name for name, ends in entries if len(ends) == 1))
+
+
+def _body_energy(
+    entries: LedgerEntries, table: EnergyTable, body: int, columns: list[int]
+) -> Energy:
+    mechanisms = {}
+    contacts = {}
+    for c in columns:
+        name, ends = entries[c]
+        if len(ends) == 1:
+            mechanisms[name] = table.heat[:, c]
+        else:
+            contacts[pair_name(name, ends)] = _sign(ends, body) * table.heat[:, c]
+    return Energy(
+        stored_J=table.stored[:, body],
+        mechanisms=mechanisms,
         contacts=contacts,
         bodies=(),
-        residual_relative=(stored - total) / _nonzero(through + equalization),
+        residual_relative=table.relative_of_bodies[:, body],
     )
 
 
@@ -147,14 +192,21 @@ def _sign(bodies: tuple[int, ...], body: int) -> int:
     return into if len(bodies) == 1 else into - int(bodies[0] == body)
 
 
+def _signs(entries: LedgerEntries, bodies: int) -> Int[np.ndarray, "b c"]:
+    """Sign of the heat of each entry into each body; 0 for none."""
+    signs = np.zeros((bodies, len(entries)), int)
+    for c, (_, ends) in enumerate(entries):
+        for body in ends:
+            signs[body, c] = _sign(ends, body)
+    return signs
+
+
 def into_bodies(
     heat: Float[Array, " c"], entries: LedgerEntries, bodies: int
 ) -> Float[Array, " b"]:
     """Sum the heat of all entries into each body [J]."""
     # One product with a constant matrix instead of a sum per body.
-    signs = [[_sign(ends, body) for _, ends in entries] for body in range(bodies)]
-    shape = (bodies, len(entries))
-    return product(device_array(np.array(signs).reshape(shape), heat.dtype), heat)
+    return product(device_array(_signs(entries, bodies), heat.dtype), heat)
 
 
 def pair_name(mechanism: str, bodies: tuple[int, ...]) -> str:
@@ -162,16 +214,6 @@ def pair_name(mechanism: str, bodies: tuple[int, ...]) -> str:
     return f"{mechanism} {bodies[0]}-{bodies[1]}"
 
 
-def _nonzero(heat: Float[Array, " t"]) -> Float[Array, " t"]:
+def _nonzero(heat: Float[Array, "*t"]) -> Float[Array, "*t"]:
     # Where nothing moved, the residual itself is shown.
     return jnp.where(heat > 0, heat, 1)
-
-
-def in_order(energy: _Energies, entries: LedgerEntries) -> _Energies:
-    """Return energies, or heat rates, with mechanisms in the order of the scene."""
-    # A dictionary that leaves a jitted function is sorted by name.
-    names = dict.fromkeys(name for name, _ in entries)
-    table = energy.mechanisms
-    mechanisms = {name: table[name] for name in names if name in table}
-    bodies = tuple(in_order(body, entries) for body in energy.bodies)
-    return replace(energy, mechanisms=mechanisms, bodies=bodies)

@@ -44,7 +44,14 @@ from .isolated_components import (
     ProjectedPreconditioner,
     find_isolated_components,
 )
-from .ledger import Energy, HeatRates, empty_ledger, energies, in_order
+from .ledger import (
+    Energy,
+    EnergyTable,
+    HeatRates,
+    empty_ledger,
+    energies,
+    energy_table,
+)
 from .run.solution import (
     Observation,
     RunSummary,
@@ -169,7 +176,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         times=time[None],
         surface_temperature=observation.surface_temperature[None],
         mean_temperature=observation.mean_temperature[None],
-        heat_rates=in_order(rates, program.entries),
+        heat_rates=_heat_rates(program.entries, rates),
         isolated_components=0 if isolated is None else isolated.count,
         result=run_result(
             observation.is_finite, observation.is_physical, statistics, steady=True
@@ -198,37 +205,37 @@ def _with_time_axis(values: Any) -> Any:
 @eqx.filter_jit
 def _observe(
     program: Program, states: State, time: Float[Array, ""]
-) -> tuple[Observation, HeatRates]:
+) -> tuple[Observation, EnergyTable]:
     ledger = empty_ledger(len(program.entries), states[0].dtype)
     observation = observe(program, RunState(states, ledger), time)
     _, rates = evaluate_rates(program, states, time)
-    return observation, _heat_rates(program.entries, rates, len(states))
-
-
-def _heat_rates(
-    entries: LedgerEntries, rates: Float[Array, " c"], bodies: int
-) -> HeatRates:
-    """Group heat rates by mechanism, by body and by pair."""
-    zero = jnp.zeros((1, bodies), rates.dtype)
-    energy = energies(
-        entries,
+    zero = jnp.zeros((1, program.body_count), rates.dtype)
+    table = energy_table(
+        program.entries,
         stored=zero,
         heat=rates[None],
         moved=jnp.abs(rates)[None],
         equalization=zero[0],
     )
+    return observation, table
+
+
+def _heat_rates(entries: LedgerEntries, table: EnergyTable) -> HeatRates:
+    """Group heat rates, those of one second, by mechanism, by body and by pair."""
 
     def first(energy: Energy) -> HeatRates:
-        mechanisms = {name: heat[0] for name, heat in energy.mechanisms.items()}
-        contacts = {name: heat[0] for name, heat in energy.contacts.items()}
+        mechanisms = {
+            name: heat.reshape(()) for name, heat in energy.mechanisms.items()
+        }
+        contacts = {name: heat.reshape(()) for name, heat in energy.contacts.items()}
         return HeatRates(
             mechanisms=mechanisms,
             contacts=contacts,
             bodies=tuple(map(first, energy.bodies)),
-            residual_relative=-energy.residual_relative[0],
+            residual_relative=(-energy.residual_relative).reshape(()),
         )
 
-    return first(energy)
+    return first(energies(entries, table))
 
 
 @eqx.filter_jit

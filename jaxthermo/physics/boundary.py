@@ -211,8 +211,14 @@ class FixedTemperature(AbstractSurfaceTerm):
         for body in surface.bodies:
             exposed = body.exposed(self.on)
             is_omitted = isinstance(exposed, Omitted)
-            covers.append(exposed if is_omitted else (body.half_cell, exposed))
-        return surface.bind(law, covers)
+            ones = np.ones(len(body.area), surface.dtype)
+            covers.append(exposed if is_omitted else (ones, exposed))
+        return tuple(
+            bound
+            if isinstance(bound, Omitted)
+            else bound._replace(effective_area=bound.effective_area * surface.half_cell)
+            for bound in surface.bind(law, covers)
+        )
 
     @override
     def forcing(self, end: float | int) -> Forcing:

@@ -5,7 +5,7 @@ A law bound to surface cells has an effective area of each of them.
 
 import abc
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -14,8 +14,9 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Array, Float
 
-from ..arrays import Time, is_traced
+from ..arrays import Time, consecutive, is_traced, namespace
 from ..network.network import precise_sum
+from ..network.segment_sums import sums_of_sizes
 
 
 Values = Array | np.ndarray
@@ -207,3 +208,11 @@ def total(values: Float[Values, " m"]) -> Float[Values, ""]:
     # A float32 sum of a million cells would lose four digits.
     host = np.asarray(values)
     return np.asarray(host.sum(dtype=float), host.dtype)
+
+
+def totals(values: Float[Values, " m"], counts: Sequence[int]) -> Float[Values, " b"]:
+    """Sums of the cells of each body, one body after the other, as precise."""
+    if is_traced(values) and counts[1:]:
+        return sums_of_sizes(counts)(jnp.asarray(values))
+    rows = [total(values[of_body]) for of_body in consecutive(counts)]
+    return namespace(rows).stack(rows)

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from equinox import Module
 from jaxtyping import Array, Float
 
+from ..network.group_order import GroupOrder, apart, together
 from ..network.network import AbstractNetwork
 from .flux_law import PerCell
 
@@ -70,6 +70,8 @@ class VaryingHalfCells(Module):
     """Fractions of k at the reference by material and axis, for each body."""
     counts: tuple[int, ...] = eqx.field(static=True)
     """Number of cells of each body."""
+    order: GroupOrder | None = None
+    """Order of the cells, where it is not that of the bodies."""
 
     def at(self, theta: PerCell) -> PerCell:
         """Values at temperatures above the references [-]."""
@@ -98,21 +100,25 @@ class VaryingHalfCells(Module):
         )
 
     def _apart(self, values: PerCell) -> list[Float[Array, " _"]]:
-        return jnp.split(values, np.cumsum(self.counts)[:-1].tolist())
+        return apart(values, self.counts, self.order)
 
     def _joined(self, values: Sequence[Float[Array, "..."]]) -> PerCell:
         pairs = zip(values, self.counts, strict=True)
-        return jnp.concatenate([jnp.broadcast_to(v, (n,)) for v, n in pairs])
+        return together([jnp.broadcast_to(v, (n,)) for v, n in pairs], self.order)
 
 
 def varying_half_cells(
     networks: Sequence[AbstractNetwork],
     fractions: Sequence[Float[Array, "q _"] | None],
     counts: Sequence[int],
+    order: GroupOrder | None = None,
 ) -> VaryingHalfCells | None:
     """Return the conduction of the cells of some bodies; None where k is constant."""
     if not any(network.conductivity_varies for network in networks):
         return None
     return VaryingHalfCells(
-        networks=tuple(networks), fractions=tuple(fractions), counts=tuple(counts)
+        networks=tuple(networks),
+        fractions=tuple(fractions),
+        counts=tuple(counts),
+        order=order,
     )

@@ -86,8 +86,6 @@ class BodySurface:
     """Fraction of each fragment that nothing touches [-]."""
     natural: Bool[np.ndarray, " s"]
     """Fragments with a natural boundary: exposed, no temperature prescribed."""
-    half_cell: Float[Values, " s"]
-    """Conductance from each fragment to its node, k A / distance [W/K]."""
     emissivity: Float[Values, "*#s"]
     absorptivity: Float[Values, "*#s"]
     scene_triangles: Float[np.ndarray, "f 3 3"]
@@ -254,6 +252,8 @@ class Surface:
     bodies: tuple[BodySurface, ...]
     references: tuple[Scalar, ...]
     """Temperature from which the state of each body counts [K]."""
+    half_cell: Float[Values, " s"]
+    """Conductance from each fragment to its node, k A / distance [W/K]."""
     temperatures: Forcing | None = None
     """Bounds of all temperatures up to `end`; None if they are not known."""
     end: float | int = 0.0
@@ -296,6 +296,16 @@ class Surface:
     def reference(self) -> Float[Values, "*#s"]:
         """Reference temperature per fragment [K]; one number if all are equal."""
         return spread(self.references, self.counts, self.dtype)
+
+    @cached_property
+    def natural(self) -> Bool[np.ndarray, " s"]:
+        """Fragments with a natural boundary: exposed, no temperature prescribed."""
+        return concatenated([body.natural for body in self.bodies])
+
+    def coefficient(self, name: str) -> Float[Values, "*#s"]:
+        """Emissivity or absorptivity per fragment [-]; one number if all are equal."""
+        values = [getattr(body, name) for body in self.bodies]
+        return spread(values, self.counts, self.dtype)
 
     def apart(self, values: Any) -> list[Any]:
         """Values of each body's fragments, which are on the last axis."""
@@ -351,12 +361,19 @@ class Surface:
 def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:
     """Values of bodies at each of their cells; one number where all are equal."""
     # Bodies that count from one temperature need no array in the time loop.
-    same = not is_traced(values) and len({float(value) for value in values}) == 1
-    if same or len(values) == 1:
+    same = (
+        not is_traced(values) and len(set(np.concatenate(values, None).tolist())) == 1
+    )
+    if same:
+        return typed_array(np.ravel(values[0])[0], dtype)
+    if len(values) == 1:
         return typed_array(values[0], dtype)
     xp = namespace(values)
+    if not any(map(np.ndim, values)):
+        rows = xp.stack([xp.asarray(value, dtype) for value in values])
+        return rows[np.repeat(np.arange(len(values)), counts)]
     pairs = zip(values, counts, strict=True)
-    return xp.concatenate([xp.full(n, xp.asarray(v, dtype)) for v, n in pairs])
+    return xp.concatenate([xp.broadcast_to(xp.asarray(v, dtype), n) for v, n in pairs])
 
 
 def concatenated(values: Sequence[Any], axis: int = -1) -> Any:

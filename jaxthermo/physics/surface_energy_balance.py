@@ -36,7 +36,7 @@ from equinox import Module
 from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
-from ..arrays import Time, is_traced, namespace, stop_gradient
+from ..arrays import Time, is_traced, stop_gradient
 from ..memo.found import found
 from ..network.increasing_root import Balance, increasing_root
 from ..network.network import inverse, precise_sum
@@ -48,7 +48,7 @@ from .flux_law import (
     PerCellOrOne,
     Values,
     bound,
-    total,
+    totals,
 )
 from .half_cells import Extremes, Linearized, Rates, Solved, VaryingHalfCells
 
@@ -436,13 +436,10 @@ class SurfaceTerms(Module):
                 heat = add(values * _along_last(term.effective_area, values))
                 return heat * _along_last(inverse(jnp.asarray(area)), heat)
 
-            xp = namespace(area)
-            ends = np.cumsum(counts)[:-1]
-            areas = xp.split(area, ends) if counts[1:] else [area]
             return replace(
                 term,
                 effective_area=area,
-                total_effective_area=xp.stack([total(row) for row in areas]),
+                total_effective_area=totals(area, counts),
                 law=term.law.coarsened(mean).above(reference),
             )
 
@@ -455,7 +452,7 @@ class SurfaceTerms(Module):
         )
 
     def selected(
-        self, cells: slice, acting: set[int], reference: Any
+        self, cells: slice | np.ndarray, acting: set[int], reference: Any
     ) -> "SurfaceTerms":
         """The terms that act on one body, by number, with its own reference [K]."""
 

@@ -15,6 +15,7 @@ of it. The four kinds of term, by what they exchange heat with:
 
 import abc
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
@@ -203,12 +204,10 @@ class AbstractPairTerm(AbstractTerm):
         """True if it is known to carry no heat; the surfaces are then insulated."""
 
     @abc.abstractmethod
-    def bind(self, pairs: Any, ends: tuple[Any, Any], entry: int, size: int) -> Any:
-        """Its conductances between the fragments of two bodies that touch.
+    def bind(self, joints: Sequence[Any], ends: tuple[Any, Any]) -> Any:
+        """Its conductances between the fragments of bodies that touch.
 
         Args:
-            pairs: touching fragments, as `ContactPairs`.
-            ends: both prepared bodies.
-            entry: number in the energy ledger.
-            size: length of the arrays, at least the number of pairs.
+            joints: pairs of bodies, as `Joint`.
+            ends: both prepared groups of bodies, which may be the same one.
         """

@@ -199,7 +199,7 @@ def _sources(program: Program) -> Iterator[tuple[tuple, int, Input]]:
             capacity = np.asarray(body.network.capacity_at(source.address), float)
             heat = np.asarray(source.rise, float) * capacity
             amplitude = source.heat_rate_density
-            name = program.entries[source.entry][0]
+            name = program.entries[source.entries[0]][0]
             yield (
                 (name,),
                 number,

@@ -234,7 +234,9 @@ def linear_system(scene: Scene, t1: float) -> LinearSystem:
         raise InputError("reduce: the scene holds traced values: give numbers")
     arranged = arranged_for_solves(replace(scene, dtype="float64"))
     with precision("float64"):
-        compiled = compile_scene(arranged, 1, t1, save_times=(float(t1),))
+        compiled = compile_scene(
+            arranged, 1, t1, method="implicit", save_times=(float(t1),)
+        )
         inputs = find_inputs(compiled, t1)
 
     @cache

@@ -97,15 +97,15 @@ class Coating(Module):
                 f"Coating({field}=): {np.shape(values)[0]} values for a body of "
                 f"{count} fragments: give one number, or one for each fragment"
             )
-        where = np.ones(count, bool)
-        if self.on is not None:
-            where = self.on.select(grid.fragment_centres)
+        xp = namespace((values, below))
+        if self.on is None:
+            return xp.asarray(values, below.dtype)
+        where = self.on.select(grid.fragment_centres)
         if not where.any():
             raise InputError(
                 f"Coating(on={self.on!r}) selects no surface of its body: check its "
                 "corners or its normal, which are in the body's own frame, in metres"
             )
-        xp = namespace((values, below))
         return xp.where(where, xp.asarray(values, below.dtype), below)
 
 

@@ -225,8 +225,8 @@ def _correct_energy(
     _, loads = load_slopes(program, end_states, time)
     contacts = jnp.zeros_like(loads)
     for contact in program.contacts:
-        conductance = precise_sum(pair_conductance(contact, time))
-        contacts = contacts.at[contact.entry].set(conductance)
+        conductance = contact.sums(pair_conductance(contact, time))
+        contacts = contacts.at[np.array(contact.entries)].set(conductance)
     # They only distribute a remainder of the size of rounding: what their derivatives
     # would add is as small.
     loads, contacts = jax.lax.stop_gradient((loads, contacts))

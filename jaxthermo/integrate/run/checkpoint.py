@@ -99,12 +99,18 @@ def _own_nodes(plan: Plan, state: RunState) -> list[np.ndarray]:
     """Values of the nodes of every body that this process holds."""
     node_values = []
     mesh = plan.compiled.program.mesh
-    for body, theta in zip(plan.scene.bodies, state.theta, strict=True):
+    numbers = []
+    for group, theta in zip(plan.groups, state.theta, strict=True):
         if mesh is None:
-            node_values.append(body.structure.node_values(np.asarray(theta)))
+            values = group.structure.node_values(np.asarray(theta))
         else:
-            node_values.append(body.structure.node_values(*own_sections(mesh, theta)))
-    return node_values
+            values = group.structure.node_values(*own_sections(mesh, theta))
+        numbers += group.numbers
+        if group.is_single:
+            node_values.append(values)
+        else:
+            node_values += [values[nodes] for nodes in group.nodes]
+    return [node_values[n] for n in np.argsort(numbers)]
 
 
 def load_checkpoint(
@@ -207,14 +213,15 @@ def _states(
     """States on their devices; None if they are not of the bodies of this plan."""
     mesh = plan.compiled.program.mesh
     states = []
-    pairs = zip(plan.scene.bodies, fresh.theta, strict=True)
-    for n, (body, fresh_theta) in enumerate(pairs):
-        values = np.concatenate([archive[f"body{n}"] for archive in archives])
+    for group, fresh_theta in zip(plan.groups, fresh.theta, strict=True):
+        values = np.concatenate(
+            [archive[f"body{n}"] for n in group.numbers for archive in archives]
+        )
         if (
-            values.shape != (body.structure.node_count,)
+            values.shape != (group.structure.node_count,)
             or values.dtype != fresh_theta.dtype
         ):
             return None
-        host = body.structure.state_of(values)
+        host = group.structure.state_of(values)
         states.append(jnp.asarray(host) if mesh is None else spread(mesh, host))
     return tuple(states)

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...physics.flux_law import Values
 from ...scene.compile.program import Program
 from ..ledger import into_bodies
 from .time_error import TimeError
@@ -40,7 +41,7 @@ def energy_residual(
     program: Program,
     stored: Float[Array, "t b"],
     heat: Float[Array, "t c"],
-    relative: Float[Array, " t"],
+    relative: Float[Values, " t"],
 ) -> EnergyResidual:
     """Return the residual of a ledger with one column for each entry.
 
@@ -50,10 +51,9 @@ def energy_residual(
         heat: heat of each entry since the start [J].
         relative: residual of all bodies together over the heat that passed [-].
     """
-    bodies = len(program.bodies)
+    bodies = program.body_count
     into = jax.vmap(lambda row: into_bodies(row, program.entries, bodies))(heat)
-    capacity = [body.network.total_capacity() for body in program.bodies]
-    kelvin = jnp.abs(stored - into) / jnp.stack(capacity)[None]
+    kelvin = jnp.abs(stored - into) / program.total_capacity()[None]
     return EnergyResidual(relative=jnp.abs(relative).max(), kelvin=kelvin.max())
 
 

@@ -13,6 +13,7 @@ from ...arrays import device_array, is_traced, split_times
 from ...errors import InputError, require
 from ...physics.windows import Window
 from ...scene.compile.compile import compile_scene
+from ...scene.compile.groups import BodyGroup, body_groups
 from ...scene.compile.memory import Method, with_memory_of
 from ...scene.compile.on_devices import placed_on_devices
 from ...scene.compile.program import Compiled, Program
@@ -58,6 +59,11 @@ class Plan(NamedTuple):
     control: ErrorControl | None = None
     """Error that the run is repeated for: these are the steps of its first pass, see
     `time_error`. None for a run of one pass."""
+
+    @property
+    def groups(self) -> tuple[BodyGroup, ...]:
+        """Bodies that conduct as one network, one state a group."""
+        return body_groups(self.scene, self.compiled.joins)
 
     @property
     def steps(self) -> int:

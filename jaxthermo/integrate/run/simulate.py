@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import device_array, is_traced, precision
+from ...arrays import device_array, is_traced, precision, taken
 from ...errors import require
 from ...network.network import Address, precise_sum
 from ...parallel.lattice import own_copies, replicated
@@ -19,7 +19,7 @@ from ...scene.compile.on_devices import on_devices
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
 from ..implicit.newton_stage import SolverStatistics
-from ..ledger import Energy, energies, in_order
+from ..ledger import EnergyTable, energies, energy_table
 from ..solvers import AbstractSolver
 from ..stepper import LoopArguments, RunState, in_place
 from .fixed_steps import take_fixed_steps
@@ -214,12 +214,7 @@ def make_solution(
     """
     program = plan.compiled.program
     state = initial_state(plan)
-    uneven = tuple(
-        tuple(map(device_array, b.structure.node_address()))
-        if callable(b.temperature)
-        else None
-        for b in plan.scene.bodies
-    )
+    uneven = _uneven_nodes(plan)
     from_start = plan.save_times[0] == 0.0
     # Rows that enter the solution unchanged do not pass through the program, which
     # would copy them; on several devices it also gathers them.
@@ -238,7 +233,7 @@ def make_solution(
             from_start=from_start,
         )
     )
-    energy = balance.energy
+    energy = energies(program.entries, balance.energy)
     saved: Observation = balance.rows if observed is None else observed
     receipt = plan.compiled.receipt
     missed: tuple[str, ...] = ()
@@ -252,7 +247,7 @@ def make_solution(
         times=np.asarray(plan.save_times, float),
         surface_temperature=saved.surface_temperature,
         mean_temperature=saved.mean_temperature,
-        energy=in_order(energy, program.entries),
+        energy=energy,
         result=balance.result,
         run=RunSummary(
             steps=plan.steps,
@@ -274,10 +269,22 @@ def make_solution(
     )
 
 
+def _uneven_nodes(plan: Plan) -> tuple[Address | None, ...]:
+    """Nodes of the groups of bodies whose initial temperature is not uniform."""
+    if not any(callable(body.temperature) for body in plan.scene.bodies):
+        return (None,) * len(plan.compiled.program.bodies)
+    return tuple(
+        tuple(map(device_array, group.structure.node_address()))
+        if any(callable(body.temperature) for body in group.bodies)
+        else None
+        for group in plan.groups
+    )
+
+
 class _Balance(NamedTuple):
     rows: Observation
     """Saved observations, with that of the start if it is saved."""
-    energy: Energy
+    energy: EnergyTable
     statistics: SolverStatistics | None
     """Totals at the end of the run; None for explicit solvers."""
     result: RESULTS
@@ -294,7 +301,8 @@ def _balance(
 ) -> _Balance:
     """Complete the saved rows of a run, and draw up their energies.
 
-    `uneven` are the nodes of the bodies whose initial temperature is not uniform.
+    `uneven` are the nodes of the groups of bodies whose initial temperature is not
+    uniform.
     """
     rows = saved
     if from_start or rows is None:
@@ -304,7 +312,7 @@ def _balance(
         rows = start if rows is None else joined(start, rows)
     # The ledger starts at 0, stored heat at that of the initial state.
     stored = rows.stored_heat - program.stored_heat(state.theta)[None]
-    energy = energies(
+    energy = energy_table(
         program.entries,
         stored=stored,
         heat=rows.ledger.heat,
@@ -319,7 +327,7 @@ def _balance(
         program,
         stored=stored,
         heat=rows.ledger.heat,
-        relative=energy.residual_relative,
+        relative=energy.relative,
     )
     balance = _Balance(
         rows=rows,
@@ -339,9 +347,13 @@ def _equalization_heat(
     heat = []
     for body, state, address in zip(program.bodies, states, uneven, strict=True):
         if address is None:
-            heat.append(jnp.zeros((), state.dtype))
+            heat.append(jnp.zeros(len(body.numbers), state.dtype))
             continue
-        mean = body.network.stored(state) / body.network.total_capacity()
-        excess = jnp.abs(state[address] - mean) * body.network.capacity_at(address)
-        heat.append(precise_sum(excess) / 2)
-    return jnp.stack(heat)
+        mean = body.stored(state) / body.total_capacity()
+        if body.members is None:
+            excess = jnp.abs(state[address] - mean) * body.network.capacity_at(address)
+            heat.append(precise_sum(excess)[None] / 2)
+        else:
+            excess = jnp.abs(state - taken(mean, body.members.of_node))
+            heat.append(body.stored(excess) / 2)
+    return program.by_body(heat)

@@ -333,7 +333,7 @@ def observe(
     that a load that is switched now still counts as it was; None at the start, where
     none has acted yet.
     """
-    # Excess of each body's fragments over their nodes by contacts [K], and heat [W].
+    # Excess of each group's fragments over their nodes by contacts [K], and heat [W].
     by_contacts: list = [None] * len(program.bodies)
     contact_heat: list = [None] * len(program.bodies)
     for contact in program.contacts:
@@ -352,12 +352,11 @@ def observe(
     mean = []
     for body, theta, excess in zip(program.bodies, state.theta, above, strict=True):
         # The reference is added last: differences keep their digits in float32.
-        surface.append(body.reference + excess)
-        network = body.network
-        heat = network.stored(network.temperature(theta)) / network.total_capacity()
+        surface.append(body.fragment_reference + excess)
+        heat = body.stored(body.network.temperature(theta)) / body.total_capacity()
         mean.append(body.reference + heat)
     # Stored, and its minimum is that of what was stored.
-    temperature = computed_once(jnp.concatenate(surface))
+    temperature = computed_once(program.in_scene(surface))
     heat = program.stored_heat(state.theta)
     # The adaptive stepper stores its statistics together with the controller's memory.
     solver_state = state.solver_state
@@ -365,7 +364,7 @@ def observe(
         solver_state = solver_state.statistics
     observation = Observation(
         surface_temperature=temperature,
-        mean_temperature=jnp.stack(mean),
+        mean_temperature=program.by_body(mean),
         stored_heat=heat,
         is_finite=jnp.isfinite(heat).all(),
         # Rounding and the solver's tolerance may lead below 0 K by this much.

@@ -18,6 +18,7 @@ function, and the rest follows.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -40,10 +41,11 @@ from ...arrays import (
 from ...errors import InputError
 from ...network.increasing_root import Balance, increasing_root
 from ...network.network import Address, inverse, precise_sum
+from ...network.segment_sums import SegmentSums, sums_of_sizes
 from ..half_cells import Extremes, VaryingHalfCells
 from ..term import AbstractPairTerm
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at
-from .search import ContactPairs
+from .search import ContactPairs, Joint
 
 
 _Rows = Float[Array | np.ndarray, "*p"]
@@ -57,8 +59,8 @@ class PairNodes(NamedTuple):
 
     theta: _Pair
     """Temperatures of the nodes of both bodies above their references [K]."""
-    references: tuple[Float[Array, ""], Float[Array, ""]]
-    """Reference temperatures of both bodies [K]."""
+    references: tuple[Float[Array, "*#p"], Float[Array, "*#p"]]
+    """Reference temperatures of both bodies [K], one number or one for each pair."""
     varying: tuple[VaryingHalfCells, VaryingHalfCells] | None = None
     """k(T) / k(reference) of both half cells; None where both are constant."""
 
@@ -167,11 +169,17 @@ class Tangent(NamedTuple):
 
 
 class ContactLinks(Module):
-    """Touching pairs of fragments of two bodies; rows of area 0 pad the arrays."""
+    """Touching pairs of fragments of two bodies; rows of area 0 pad the arrays.
 
-    entry: int = eqx.field(static=True)
-    """Index in the energy ledger."""
+    Or of two groups of bodies, which may be the same one.
+    """
+
+    entries: tuple[int, ...] = eqx.field(static=True)
+    """Index in the energy ledger, of each pair of bodies."""
+    pair_sums: SegmentSums | None
+    """Sums over the pairs of fragments of each pair of bodies; None for one pair."""
     bodies: tuple[int, int] = eqx.field(static=True)
+    """Numbers of both bodies, or groups, in the program."""
     ends: tuple[_ContactEnd, _ContactEnd]
     """Sides of the first and of the second body."""
     area: Float[Array, " p"]
@@ -270,14 +278,19 @@ class ContactLinks(Module):
         return first, rate_and_second(first)[1]
 
     def apply_heat(
-        self, new: _Pair, rate: Float[Array, " p"], dt: Time
-    ) -> tuple[_Pair, Float[Array, ""]]:
-        """Both states after the heat of one step, and the total heat rate [W]."""
+        self, side: int, new: Float[Array, "..."], rate: Float[Array, " p"], dt: Time
+    ) -> Float[Array, "..."]:
+        """State of body `side` (0, 1) after the heat of one step."""
         # The same rate for both bodies: one gains exactly what the other loses.
-        a, b = self.ends
-        first = added(new[0], a.address, -dt * rate * a.per_capacity)
-        second = added(new[1], b.address, dt * rate * b.per_capacity)
-        return (first, second), precise_sum(rate)
+        end = self.ends[side]
+        gained = -rate if side == 0 else rate
+        return added(new, end.address, dt * gained * end.per_capacity)
+
+    def sums(self, rate: Float[Array, " p"]) -> Float[Array, " c"]:
+        """Total heat rate of each entry [W]."""
+        return (
+            precise_sum(rate)[None] if self.pair_sums is None else self.pair_sums(rate)
+        )
 
     def stiffness(
         self, side: int, end: float, relative: tuple[Extremes, Extremes]
@@ -370,21 +383,24 @@ class Contact(AbstractPairTerm):
         return self.bodies is None or {a, b} == set(self.bodies)
 
     @override
-    def bind(
-        self, pairs: ContactPairs, ends: tuple[Any, Any], entry: int, size: int
-    ) -> ContactLinks:
-        first, second = (body.number for body in ends)
+    def bind(self, joints: Sequence[Joint], ends: tuple[Any, Any]) -> ContactLinks:
         dtype = np.dtype(ends[0].half_cell.dtype)
         # Arrays have one size in all snapshots, so that one program runs them all.
-        padded = pairs.padded(self.max_pairs or size, f"bodies {first} and {second}")
+        parts = [
+            joint.pairs.padded(self.max_pairs or joint.size, joint.name)
+            for joint in joints
+        ]
+        padded = ContactPairs.joined(parts)
+        sizes = [len(part.area) for part in parts]
         a = _end(ends[0], padded.fragment_a, area=padded.area, dtype=dtype)
         b = _end(ends[1], padded.fragment_b, area=padded.area, dtype=dtype)
         area = padded.area
         if self.gap_length is not None:
             area = area * np.asarray(_gap_factor(padded.gap, self.gap_length))
         return ContactLinks(
-            entry=entry,
-            bodies=(first, second),
+            entries=tuple(joint.entry for joint in joints),
+            pair_sums=sums_of_sizes(sizes) if sizes[1:] else None,
+            bodies=(ends[0].number, ends[1].number),
             ends=(a, b),
             area=device_array(area, dtype),
             conductance=for_jit(self.conductance, dtype),
@@ -394,7 +410,7 @@ class Contact(AbstractPairTerm):
 def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _ContactEnd:
     node = body.fragment_node[fragment]
     address = body.address_of(node)
-    fragment_area = body.body.structure.grid.fragment_area
+    fragment_area = body.structure.grid.fragment_area
     # A pair has the fraction of the half cell that is behind it.
     fraction = (area / fragment_area[fragment]).astype(dtype)
     parts = body.conductivity_parts

@@ -9,8 +9,7 @@ overlap by rounding; an overlap of up to a voxel of the coarser one counts as co
 A sheet has no volume, only an area within the solid of another body.
 """
 
-from collections.abc import Iterator
-from itertools import combinations
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -105,18 +104,28 @@ def find_overlaps(
     """
     cache = {} if cache is None else cache
     overlaps = {}
-    for i, j in combinations(range(len(bodies)), 2):
-        poses = (bodies[i].pose, bodies[j].pose)
-        key = (i, j, *(pose.key for pose in poses))
+    for i, j in _near_pairs(bodies):
+        key = (i, j, bodies[i].pose.key, bodies[j].pose.key)
         if key not in cache:
-            cache[key] = _overlap(bodies, i, j)
+            cache[key] = _overlap({i: bodies[i], j: bodies[j]}, i, j)
         if cache[key] is not None:
             overlaps[i, j] = cache[key]
     return overlaps
 
 
+def _near_pairs(bodies: tuple[PlacedGrid, ...]) -> list[list[int]]:
+    """Pairs i < j of bodies whose boxes overlap."""
+    # Voxels may project beyond the mesh.
+    pitch = np.array([body.pitch for body in bodies])[:, None]
+    bounds = np.stack([body.world_bounds for body in bodies])
+    low = bounds[:, 0] - pitch
+    high = bounds[:, 1] + pitch
+    is_near = (low[:, None] <= high[None]).all(axis=2)
+    return np.argwhere(np.triu(is_near & is_near.T, 1)).tolist()
+
+
 @stored_search("overlap", (Overlap, SheetOverlap))
-def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> AnyOverlap | None:
+def _overlap(bodies: Mapping[int, PlacedGrid], i: int, j: int) -> AnyOverlap | None:
     if bodies[i].is_sheet and bodies[j].is_sheet:
         return None
     if bodies[i].is_sheet or bodies[j].is_sheet:
@@ -159,7 +168,7 @@ def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> AnyOverlap | Non
 
 
 def _sheet_overlap(
-    bodies: tuple[PlacedGrid, ...], *, sheet: int, solid: int
+    bodies: Mapping[int, PlacedGrid], *, sheet: int, solid: int
 ) -> SheetOverlap | None:
     around = bodies[solid]
     grid = bodies[sheet].grid

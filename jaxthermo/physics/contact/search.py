@@ -5,6 +5,7 @@ the three axes. The narrow phase follows rays through both bodies (`rays`). Each
 fragments that touch has one area.
 """
 
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -65,6 +66,25 @@ class ContactPairs(NamedTuple):
             coverage_b=np.zeros(fragments_b),
         )
 
+    @classmethod
+    def joined(cls, parts: "Sequence[ContactPairs]") -> "ContactPairs":
+        """Pairs one after the other, numbered by fragments of the same two surfaces.
+
+        With the coverages of the first of them.
+        """
+        return parts[0]._replace(
+            fragment_a=np.concatenate([part.fragment_a for part in parts]),
+            fragment_b=np.concatenate([part.fragment_b for part in parts]),
+            area=np.concatenate([part.area for part in parts]),
+            gap=np.concatenate([part.gap for part in parts]),
+        )
+
+    def shifted(self, first_a: int, first_b: int) -> "ContactPairs":
+        """Same pairs with fragments counted from others before those of A and of B."""
+        return self._replace(
+            fragment_a=self.fragment_a + first_a, fragment_b=self.fragment_b + first_b
+        )
+
     @property
     def count(self) -> int:
         """Number of pairs without padding."""
@@ -97,6 +117,19 @@ class ContactPairs(NamedTuple):
             area=np.pad(self.area, (0, spare)),
             gap=np.pad(self.gap, (0, spare)),
         )
+
+
+class Joint(NamedTuple):
+    """Two bodies that touch, as a term binds them."""
+
+    pairs: ContactPairs
+    """Touching fragments, by their numbers in what is bound."""
+    entry: int
+    """Number in the energy ledger."""
+    size: int
+    """Length of its arrays, at least the number of pairs."""
+    name: str
+    """Both bodies, for errors."""
 
 
 class _BroadPhase(NamedTuple):

@@ -109,15 +109,16 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
                 for body in lit_bodies
             )
             if lit_bodies or not surface.prune:
-                bindings.append(binding._replace(notes=notes))
+                absorbing = surface.coefficient(self.absorbed_by)
+                area = absorbing * binding.effective_area
+                bindings.append(binding._replace(effective_area=area, notes=notes))
         return (*bindings, *omitted)
 
     def _covers(
         self, body: BodySurface, factors: list[Float[np.ndarray, " _"]]
     ) -> list[Cover] | Omitted:
-        """Absorbing area of a body for each irradiation, times its factor."""
-        absorbed = getattr(body, self.absorbed_by)
-        if body.prune and is_zero(absorbed):
+        """Area of a body for each irradiation, times its factor."""
+        if body.prune and is_zero(getattr(body, self.absorbed_by)):
             return body.omitted(f"the surface has {self.absorbed_by} 0")
         fraction = None if self.on is None else body.selected_fraction(self.on)
         exposed = body.exposed_of(None if fraction is None else fraction > 0)
@@ -127,7 +128,7 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         covers = []
         for factor in factors:
             area = factor.astype(body.area.dtype) * body.area
-            covers.append((absorbed * area, exposed & (factor > 0)))
+            covers.append((area, exposed & (factor > 0)))
         if body.prune and not any(acting.any() for _, acting in covers):
             return body.omitted(self.unseen)
         return covers

@@ -157,16 +157,15 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
         areas = [np.maximum(b.area, 1e-6 * b.grid.fragment_area) for b in bodies]
         sampled = self._views(bodies, areas)
         # What is not selected of a fragment reflects all that it receives.
-        grey = [
-            b.emissivity * b.selected_fraction(self.on).astype(b.dtype) for b in bodies
-        ]
+        selected = np.concatenate([b.selected_fraction(self.on) for b in bodies])
+        grey = surface.coefficient("emissivity") * selected.astype(surface.dtype)
         ground = self.ground
         upward = np.concatenate([b.normal[:, 2] for b in bodies])
         enclosure = _enclosure(
             sampled.views,
             patch=sampled.patch,
             area=np.concatenate(areas),
-            emissivity=namespace(grey).concatenate(grey),
+            emissivity=grey,
             upward=None if ground is None else upward,
             base=jnp.asarray(base, surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),

@@ -3,6 +3,7 @@
 None of it changes as bodies and sources move.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -14,6 +15,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import Scalar, device_array, is_traced, namespace
 from ...errors import InputError, located
 from ...material.air import body_of_air
+from ...material.material import Material
 from ...network.network import AbstractNetwork, Address
 from ...physics.conduction import (
     conductivity_parts,
@@ -25,12 +27,15 @@ from ...physics.conduction import (
 )
 from ...physics.flux_law import Forcing, Values
 from ...physics.sheet_conduction import sheet_network
+from ...physics.surface import concatenated
 from ...physics.time_varying import check_temperature
 from ...structures.kinds.air import AirVolume
 from ...structures.kinds.full import FullVolume
 from ...structures.kinds.sheet import Sheet
+from ...structures.structure import AbstractStructure
 from ...voxels.sharded_lattice import padded_places
 from ..scene import AbstractMaterials, Body, Scene
+from .groups import BodyGroup, fragment_order
 
 
 @eqx.filter_jit
@@ -51,28 +56,61 @@ class _SectionPlaces(NamedTuple):
     """Number of places of each section."""
 
 
-class PreparedBody(NamedTuple):
-    """One body with its network and initial state."""
+class PreparedGroup(NamedTuple):
+    """Bodies that conduct as one network, with it and their initial state."""
 
     number: int
-    """Number of the body in the scene."""
-    body: Body
+    """Number of the group in the program."""
+    group: BodyGroup
     network: AbstractNetwork
-    reference: Scalar
-    """Temperature from which the state counts [K]."""
+    references: tuple[Scalar, ...]
+    """Temperature from which the state of each body counts [K]."""
     state: Float[Values, "..."]
     """State at time 0; one number where it is uniform."""
     half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
     fragment_node: Int[np.ndarray, " s"]
     surface_map: Any
-    """Surface map as bound to the body."""
+    """Surface map as bound to the bodies."""
     conductivity_parts: Float[Array, "q s"] | None
     """Fractions of each fragment, see `conductivity_parts`; None for one material."""
 
+    @property
+    def structure(self) -> AbstractStructure:
+        """Nodes of all bodies."""
+        return self.group.structure
+
+    @property
+    def reference(self) -> Float[Values, "*b"]:
+        """References of the bodies [K]; one number where all are equal."""
+        return one_or_all(self.references)
+
+    def start_ranges(self) -> Iterator[tuple[int, Float[Values, "2"]]]:
+        """Lowest and highest initial temperature of each body that has a function [K].
+
+        Each with the number of the body in the scene.
+        """
+        members = zip(
+            self.group.numbers,
+            self.group.bodies,
+            self.group.nodes,
+            self.references,
+            strict=True,
+        )
+        for number, body, nodes, reference in members:
+            if not callable(body.temperature):
+                continue
+            theta = self.network.temperature(jnp.asarray(self.state))
+            if not self.group.is_single and theta.ndim:
+                theta = theta[nodes]
+            # On the host nothing is compiled for each shape of a body.
+            xp = namespace(theta)
+            theta = xp.asarray(theta)
+            yield number, xp.stack([theta.min(), theta.max()]) + reference
+
     def address_of(self, nodes: Int[np.ndarray, " m"]) -> Address:
         """Position of some of the nodes in the state."""
-        return tuple(map(device_array, self.body.structure.address_of(nodes)))
+        return tuple(map(device_array, self.structure.address_of(nodes)))
 
     def ordered_address(
         self, nodes: Int[np.ndarray, " m"]
@@ -81,7 +119,7 @@ class PreparedBody(NamedTuple):
 
         In that order memory is read and written fastest.
         """
-        structure = self.body.structure
+        structure = self.structure
         address = structure.address_of(nodes)
         rank = np.arange(len(nodes))
         position = np.ravel_multi_index(address, structure.state_shape)
@@ -97,7 +135,7 @@ class PreparedBody(NamedTuple):
         A body on one device has one section, with the positions of `ordered_address`.
         """
         address, rank = self.ordered_address(nodes)
-        structure = self.body.structure
+        structure = self.structure
         lattice = structure.sharded if isinstance(structure, FullVolume) else None
         if lattice is None:
             return _SectionPlaces(address, places=rank, per_section=len(nodes))
@@ -114,41 +152,135 @@ class PreparedBody(NamedTuple):
         return _SectionPlaces(padded_address, places=places[rank], per_section=count)
 
 
-def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
-    """Network, initial state and addresses of a body."""
+def one_or_all(values: Sequence[Scalar]) -> Float[Values, "*b"]:
+    """Numbers as an array, or as one number where all are equal."""
+    is_one = not is_traced(values) and len({float(value) for value in values}) == 1
+    if is_one or len(values) == 1:
+        return namespace(values).asarray(values[0])
+    xp = namespace(values)
+    return xp.stack([xp.asarray(value) for value in values])
+
+
+def prepare(number: int, group: BodyGroup, dtype: Any) -> PreparedGroup:
+    """Network, initial state and addresses of a group of bodies."""
+    initial = _initial if group.is_single else _initial_or_number
+    starts = [
+        initial(body_number, body, dtype)
+        for body_number, body in zip(group.numbers, group.bodies, strict=True)
+    ]
+    references = tuple(start.reference for start in starts)
+    if group.is_single:
+        (body,) = group.bodies
+        network = _network(body, references[0], dtype)
+        theta = starts[0].theta
+        half_cell = _half_cells(body, references[0], dtype)
+        surface_map = body.surface_map
+        parts = _parts(body, references[0], dtype)
+    else:
+        table = MaterialRows.of_group(group)
+        network = materials_network(
+            group.structure,
+            number=table.of_nodes,
+            materials=table.materials,
+            reference=references[0],
+            dtype=dtype,
+        )
+        theta = _joined_start([start.theta for start in starts], group)
+        half_cell = table.half_cells(group, dtype)
+        surface_map = group.bodies[0].surface_map
+        parts = None
+    return PreparedGroup(
+        number=number,
+        group=group,
+        network=network,
+        references=references,
+        state=network.state_of(jnp.asarray(theta)),
+        half_cell=half_cell,
+        fragment_node=group.structure.fragment_node(),
+        surface_map=surface_map.bind(group.structure, dtype),
+        conductivity_parts=parts,
+    )
+
+
+def _network(body: Body, reference: Scalar, dtype: Any) -> AbstractNetwork:
     structure = body.structure
     material = body.material
-    reference, theta = _initial(number, body, dtype)
     if isinstance(structure, Sheet):
-        network = sheet_network(structure, dtype)
-    elif isinstance(structure, AirVolume):
+        return sheet_network(structure, dtype)
+    if isinstance(structure, AirVolume):
         air = body_of_air(structure.air_volume, body.temperature)
-        network = material_network(
+        return material_network(
             structure, material=air, reference=reference, dtype=dtype
         )
-    elif isinstance(material, AbstractMaterials):
-        network = materials_network(
+    if isinstance(material, AbstractMaterials):
+        return materials_network(
             structure,
             number=material.of_nodes(structure),
             materials=material.materials,
             reference=reference,
             dtype=dtype,
         )
-    else:
-        assert material is not None
-        network = material_network(
-            structure, material=material, reference=reference, dtype=dtype
+    assert material is not None
+    return material_network(
+        structure, material=material, reference=reference, dtype=dtype
+    )
+
+
+class MaterialRows(NamedTuple):
+    """Constant materials of a group of bodies, one body after the other."""
+
+    materials: tuple[Material, ...]
+    of_nodes: Int[np.ndarray, " n"]
+    """Number of the material of each node."""
+    of_fragments: Int[np.ndarray, " s"]
+    """Number of the material under each fragment."""
+
+    @classmethod
+    def of_group(cls, group: BodyGroup) -> "MaterialRows":
+        """Materials of the nodes and fragments of all bodies."""
+        materials: list[Material] = []
+        of_nodes = []
+        of_fragments = []
+        for body in group.bodies:
+            structure = body.structure
+            material = body.material
+            first = np.int32(len(materials))
+            if isinstance(material, AbstractMaterials):
+                materials += material.materials
+                of_nodes.append(material.of_nodes(structure) + first)
+                of_fragments.append(material.of_fragments(structure.voxels) + first)
+            else:
+                assert material is not None
+                materials.append(material)
+                of_nodes.append(np.full(structure.node_count, first))
+                count = len(structure.grid.fragment_area)
+                of_fragments.append(np.full(count, first))
+        return cls(
+            materials=tuple(materials),
+            of_nodes=np.concatenate(of_nodes),
+            of_fragments=np.concatenate(of_fragments),
         )
-    return PreparedBody(
-        number=number,
-        body=body,
-        network=network,
-        reference=reference,
-        state=network.state_of(jnp.asarray(theta)),
-        half_cell=_half_cells(body, reference, dtype),
-        fragment_node=structure.fragment_node(),
-        surface_map=body.surface_map.bind(structure, dtype),
-        conductivity_parts=_parts(body, reference, dtype),
+
+    def half_cells(self, group: BodyGroup, dtype: Any) -> Float[Values, " s"]:
+        """Conductance from each fragment to its node, k A / distance [W/K]."""
+        structure = group.structure
+        k = conductivity_table(self.materials, 0.0, dtype)[self.of_fragments]
+        length = structure.grid.fragment_area / structure.fragment_distance()
+        return k * length.astype(dtype)
+
+
+def _joined_start(
+    starts: list[Float[Values, "..."]], group: BodyGroup
+) -> Float[Values, "..."]:
+    """Temperatures of all nodes above their references [K]; one number if uniform."""
+    if not is_traced(starts) and not any(theta.any() for theta in starts):
+        return np.zeros((), starts[0].dtype)
+    xp = namespace(starts)
+    if all(theta.ndim == 0 for theta in starts):
+        return xp.stack(starts)[group.member_of_node]
+    pairs = zip(starts, group.nodes, strict=True)
+    return xp.concatenate(
+        [xp.broadcast_to(theta, nodes.stop - nodes.start) for theta, nodes in pairs]
     )
 
 
@@ -171,10 +303,16 @@ def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | N
     )
 
 
-def _initial(
-    number: int, body: Body, dtype: Any
-) -> tuple[Scalar, Float[Values, "..."]]:
-    # Reference temperature of a body, and its nodes' temperatures above it [K].
+class _Start(NamedTuple):
+    """Initial temperatures of a body."""
+
+    reference: Scalar
+    """Their mean [K]."""
+    theta: Float[Values, "..."]
+    """Nodes above the reference, as a state [K]; one number where it is uniform."""
+
+
+def _initial(number: int, body: Body, dtype: Any) -> _Start:
     # The reference is the initial mean and no variable: only the difference of a
     # traced initial state from it carries a derivative.
     values: Any = body.temperature
@@ -182,13 +320,14 @@ def _initial(
         values = values(body.structure.nodes().location)
     elif not is_traced(values):
         # One number for all nodes, which takes no memory until a run starts.
-        return float(values), np.zeros((), dtype)
+        return _Start(float(values), np.zeros((), dtype))
     theta = np.zeros(body.structure.state_shape, dtype)
     address = body.structure.node_address()
     if is_traced(values):
         values = values.astype(dtype)
         reference = jax.lax.stop_gradient(values.mean())
-        return reference, jnp.asarray(theta).at[address].set(values - reference)
+        start = jnp.asarray(theta).at[address].set(values - reference)
+        return _Start(reference, start)
     values = np.asarray(values, float)
     wrong = values[~(np.isfinite(values) & (values >= 0))]
     if wrong.size:
@@ -199,7 +338,24 @@ def _initial(
     reference = float(values.mean())
     # The difference is taken in double precision: a float32 resolves 3e-5 K at 300 K.
     theta[address] = values - reference
-    return reference, device_array(theta)
+    return _Start(reference, device_array(theta))
+
+
+def references_of(prepared: tuple[PreparedGroup, ...]) -> tuple[Scalar, ...]:
+    """References of all bodies, in the order of the scene [K]."""
+    references = {
+        number: reference
+        for group in prepared
+        for number, reference in zip(group.group.numbers, group.references, strict=True)
+    }
+    return tuple(references[number] for number in sorted(references))
+
+
+def half_cells_of(prepared: tuple[PreparedGroup, ...]) -> Float[Values, " s"]:
+    """Half cells of all fragments, in the order of the scene [W/K]."""
+    half_cell = concatenated([group.half_cell for group in prepared])
+    index, order = fragment_order(tuple(group.group for group in prepared))
+    return half_cell if order is None else half_cell[np.argsort(index)]
 
 
 def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
@@ -255,7 +411,17 @@ class TemperatureBounds(NamedTuple):
         return Forcing(highest=float(self.highest), lowest=float(self.lowest))
 
 
-def check_bodies(scene: Scene, prepared: tuple[PreparedBody, ...]) -> None:
+def _initial_or_number(number: int, body: Body, dtype: Any) -> _Start:
+    """The same, with one number for a traced temperature that is one number."""
+    values: Any = body.temperature
+    if callable(values) or not is_traced(values) or values.ndim:
+        return _initial(number, body, dtype)
+    values = values.astype(dtype)
+    reference = jax.lax.stop_gradient(values)
+    return _Start(reference, values - reference)
+
+
+def check_bodies(scene: Scene, prepared: tuple[PreparedGroup, ...]) -> None:
     """Check initial temperatures that functions give, as a scene checks numbers.
 
     Raises:
@@ -263,13 +429,9 @@ def check_bodies(scene: Scene, prepared: tuple[PreparedBody, ...]) -> None:
     """
     if scene.allow_extreme_temperatures:
         return
-    for n, body in enumerate(prepared):
-        if callable(body.body.temperature):
-            theta = body.network.temperature(jnp.asarray(body.state))
-            xp = namespace(theta)
-            theta = xp.asarray(theta)
-            ends = xp.stack([theta.min(), theta.max()]) + body.reference
-            check_temperature(ends, f"bodies[{n}]: Body(temperature=) gives")
+    for group in prepared:
+        for number, ends in group.start_ranges():
+            check_temperature(ends, f"bodies[{number}]: Body(temperature=) gives")
 
 
 def check_terms(scene: Scene, end: float | int) -> None:

@@ -26,12 +26,14 @@ from ...physics.radiation.irradiation import (
     SurfaceRadiation,
     surface_radiation,
 )
-from ...physics.surface import BodySurface, Note, Omitted
+from ...physics.surface import Note, Omitted
 from ...physics.term import AbstractExchangeTerm
 from ...structures.sheet_report import sheet_notes, sheet_warnings
 from ..air import bodies_with_surface, check_airs
-from ..scene import Scene, SolvedSurface, body_geometry, mechanism_names
-from .bodies import PreparedBody, check_bodies, check_terms, prepare
+from ..scene import Scene, body_geometry, mechanism_names
+from .bodies import PreparedGroup, check_bodies, check_terms, prepare
+from .body_program import SurfaceCoefficients
+from .groups import body_groups, joins_bodies
 from .memory import Method, check_memory
 from .newton_iterations import with_iterations
 from .program import Compiled, Program
@@ -88,6 +90,7 @@ def compile_scene(
     with searches_recorded() as searches:
         compiled = _bound(
             scene,
+            joins=joins_bodies(method),
             starts=starts,
             end=float(end),
             duration=float(end if duration is None else duration),
@@ -129,10 +132,17 @@ def compile_scene(
 
 
 def _bound(
-    scene: Scene, starts: tuple[float, ...], end: float, duration: float, prune: bool
+    scene: Scene,
+    joins: bool,
+    starts: tuple[float, ...],
+    end: float,
+    duration: float,
+    prune: bool,
 ) -> Compiled:
     """Bind a scene, or compute what was traced for other numbers of the same form."""
-    bind = partial(_bind, starts=starts, end=end, duration=duration, prune=prune)
+    bind = partial(
+        _bind, joins=joins, starts=starts, end=end, duration=duration, prune=prune
+    )
     # Many snapshots would be one large program.
     if len(starts) > 1 or _needs_numbers(scene) or is_traced(scene) or is_compiling():
         return bind(scene)
@@ -144,9 +154,9 @@ def _bound(
         return bind(scene)
 
     def bind_numbers(scene: Scene) -> Compiled:
-        return _from_uniform_start(scene, bind(scene))
+        return _from_uniform_start(scene, bind(scene), joins)
 
-    options = (end, duration, prune)
+    options = (joins, end, duration, prune)
     try:
         traced = trace_scene(scene, numbers, bind=bind_numbers, by=options)
     except RuntimeError:
@@ -179,12 +189,14 @@ def _needs_numbers(scene: Scene) -> bool:
     return is_spread or has_numbers_within or is_rounded or chooses_laws
 
 
-def _from_uniform_start(scene: Scene, compiled: Compiled) -> Compiled:
+def _from_uniform_start(scene: Scene, compiled: Compiled, joins: bool) -> Compiled:
     """Return a scene whose numbers have no derivatives, with 0 for a uniform start."""
     dtype = jnp.dtype(scene.dtype)
     start = tuple(
-        values if callable(body.temperature) else np.zeros((), dtype)
-        for body, values in zip(scene.bodies, compiled.start, strict=True)
+        values
+        if any(callable(body.temperature) for body in group.bodies)
+        else np.zeros((), dtype)
+        for group, values in zip(body_groups(scene, joins), compiled.start, strict=True)
     )
     return replace(compiled, start=start)
 
@@ -204,7 +216,7 @@ class _BoundPrograms(NamedTuple):
 
 def _bound_programs(
     scene: Scene,
-    prepared: tuple[PreparedBody, ...],
+    prepared: tuple[PreparedGroup, ...],
     starts: tuple[float, ...],
     end: float,
     prune: bool,
@@ -241,12 +253,18 @@ def _bound_programs(
 
 
 def _bind(
-    scene: Scene, starts: tuple[float, ...], end: float, duration: float, prune: bool
+    scene: Scene,
+    joins: bool,
+    starts: tuple[float, ...],
+    end: float,
+    duration: float,
+    prune: bool,
 ) -> Compiled:
     """Bind a scene, whose numbers may be traced."""
     dtype = jnp.dtype(scene.dtype)
     prepared = tuple(
-        prepare(number, body, dtype) for number, body in enumerate(scene.bodies)
+        prepare(number, group, dtype)
+        for number, group in enumerate(body_groups(scene, joins))
     )
     check_bodies(scene, prepared)
     bind = partial(
@@ -266,17 +284,27 @@ def _bind(
     snapshots = bound.snapshots
     # The radiation stays on the host, since few solutions are asked for it.
     radiation = SceneRadiation(starts, _radiation(scene, snapshots, programs))
-    solved = _solved_surfaces(scene, snapshots[0].surface.bodies)
-    temperatures, solved = on_device((temperatures, solved))
+    surfaces = snapshots[0].surface.bodies
+    coefficients = tuple(
+        SurfaceCoefficients.of_bodies([getattr(body, name) for body in surfaces])
+        for name in ("emissivity", "absorptivity")
+    )
+    temperatures, coefficients = on_device((temperatures, coefficients))
     # One step for all snapshots: the smallest.
     steps = [stable_step_of(p, temperatures.highest, end) for p in programs]
     return Compiled(
         programs=programs,
         starts=starts,
         acting=acting_terms(bound.ledger),
+        joins=joins,
         start=tuple(body.state for body in prepared),
-        state_shapes=tuple(body.structure.state_shape for body in scene.bodies),
-        surfaces=solved,
+        state_shapes=tuple(body.structure.state_shape for body in prepared),
+        geometries=tuple(
+            body_geometry(surface.grid, body.pose, body.material)
+            for body, surface in zip(bodies_with_surface(scene), surfaces, strict=True)
+        ),
+        emissivity=coefficients[0],
+        absorptivity=coefficients[1],
         radiation=radiation,
         temperatures=temperatures,
         stable_step=steps[0] if len(steps) == 1 else jnp.stack(steps).min(),
@@ -304,19 +332,6 @@ def _notes(
                 for note in binding.notes:
                     if note.body == body:
                         yield names[number], note
-
-
-def _solved_surfaces(
-    scene: Scene, surfaces: tuple[BodySurface, ...]
-) -> tuple[SolvedSurface, ...]:
-    return tuple(
-        SolvedSurface(
-            geometry=body_geometry(surface.grid, body.pose, body.material),
-            emissivity=surface.emissivity,
-            absorptivity=surface.absorptivity,
-        )
-        for body, surface in zip(bodies_with_surface(scene), surfaces, strict=True)
-    )
 
 
 def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:

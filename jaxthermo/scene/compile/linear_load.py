@@ -28,23 +28,24 @@ from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import Time, is_traced, namespace
+from ...arrays import Time, consecutive, is_traced, namespace
 from ...network.network import (
     AbstractNetwork,
     AbstractNodeNetwork,
     inverse,
     precise_sum,
 )
+from ...network.segment_sums import SegmentSums, segment_sums
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
+from .body_program import BodyProgram
 from .linear_surface import LinearTerm, linear_surface, nonlinear_term, total_slope
 from .program import Program
+from .surface_cells import BodyCells, OneBody
 from .surface_load import (
     AbstractSurfaceLoad,
-    BodyCells,
     HeatRates,
     Networks,
-    OneBody,
     PerBody,
     SurfaceLoad,
 )
@@ -55,7 +56,7 @@ _MIN_SURFACE_FRACTION = 1 / 8
 
 
 class _LinearNodes(Module):
-    """Linear heat rates of the nodes of one body, and their sums for the ledger."""
+    """Linear heat rates of the nodes of a group, and their sums for the ledger."""
 
     forcings: tuple[Any, ...]
     """Numbers or functions of time."""
@@ -65,18 +66,24 @@ class _LinearNodes(Module):
     """Heat that each node loses [W/K]; None for nothing."""
     everywhere: bool = eqx.field(static=True)
     """True if arrays cover all nodes of the body, in order; else those with cells."""
-    entries: tuple[int, ...] = eqx.field(static=True)
-    """Ledger entry of each term."""
+    sums: SegmentSums | None
+    """Sums over the nodes of each body; None for one body."""
+    entries: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    """Ledger entry of each term on each body; -1 where it has none."""
     names: tuple[str, ...] = eqx.field(static=True)
-    """Mechanism of each ledger entry."""
-    entry_forced: tuple[Float[Any, " d"], ...]
-    """Heat rate of each entry by the forcings [W per unit of it]."""
+    """Mechanism of each term."""
+    entry_forced: tuple[Float[Any, "d b"], ...]
+    """Heat rate of each term into each body by the forcings [W per unit of it]."""
     entry_slope: tuple[Float[Any, " n"] | None, ...]
-    """Heat that each node loses to the entry [W/K]; None for nothing."""
+    """Heat that each node loses to the term [W/K]; None for nothing."""
+
+    def totals(self, values: Float[Array, " n"]) -> Float[Array, " b"]:
+        """Sums of the values of the nodes of each body."""
+        return precise_sum(values)[None] if self.sums is None else self.sums(values)
 
     @property
     def closing(self) -> int | None:
-        """Number of the last entry that depends on temperatures; None without one."""
+        """Number of the last term that depends on temperatures; None without one."""
         # A prescribed temperature, whose large slope rounds most, is last.
         varying = [n for n, slope in enumerate(self.entry_slope) if slope is not None]
         return varying[-1] if varying else None
@@ -112,24 +119,27 @@ class _LinearSurfaceLoad(AbstractSurfaceLoad):
                 rate = rate + forced * amplitude
             heat.append(rate)
             closing = body.closing
-            remainder = jnp.zeros((), theta.dtype)
-            for n, entry in enumerate(body.entries):
+            remainder: Any = 0.0
+            for n, entries in enumerate(body.entries):
                 if n == closing:
                     continue
                 with jax.named_scope(body.names[n]):
                     pairs = zip(body.entry_forced[n], amplitudes, strict=True)
-                    entry_heat = sum(forced * amplitude for forced, amplitude in pairs)
+                    entry_heat: Any = sum(
+                        forced * amplitude for forced, amplitude in pairs
+                    )
                     slope = body.entry_slope[n]
                     if slope is not None:
-                        entry_heat = entry_heat - precise_sum(slope * theta)
+                        entry_heat = entry_heat - body.totals(slope * theta)
                     remainder = remainder - entry_heat
-                    by_entry = by_entry.at[entry].add(entry_heat)
+                    by_entry = _added_to(by_entry, entries, entry_heat)
             if closing is not None:
                 # What the nodes receive, less the other entries: a sum of its own would
                 # round differently, and heat would be missing in the ledger.
                 with jax.named_scope(body.names[closing]):
-                    closing_heat = precise_sum(rate) + remainder
-                    by_entry = by_entry.at[body.entries[closing]].add(closing_heat)
+                    closing_heat = body.totals(rate) + remainder
+                    entries = body.entries[closing]
+                    by_entry = _added_to(by_entry, entries, closing_heat)
         return heat, by_entry
 
     @override
@@ -145,6 +155,15 @@ class _LinearSurfaceLoad(AbstractSurfaceLoad):
             # A sum over all nodes is part of the loop that conducts; a scatter is not.
             return new + dt * inverse(network.capacity()) * heat
         return self.general.cells[index].add(new, dt, heat)
+
+
+def _added_to(
+    by_entry: Float[Array, " c"], entries: tuple[int, ...], heat: Float[Array, " b"]
+) -> Float[Array, " c"]:
+    """Ledger entries with the heat rates of a term into each body [W]."""
+    where = np.array(entries)
+    counted = np.flatnonzero(where >= 0)
+    return by_entry.at[where[counted]].add(heat[counted])
 
 
 def linear_programs(programs: Sequence[Program]) -> tuple[Program, ...] | None:
@@ -171,24 +190,29 @@ def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | No
         # Where conductivity varies, so does the half cell.
         if not network.is_linear or nonlinear_term(terms) is not None:
             return None
-        entries = [row[index] for row in load.entries]
+        entries = [load.entries_on(n, index) for n, _ in enumerate(load.entries)]
         bodies.append(
-            _linear_nodes(cells, network=network, terms=terms, entries=entries)
+            _linear_nodes(
+                cells,
+                body=program.bodies[cells.body],
+                terms=terms,
+                entries=entries,
+            )
         )
     return _LinearSurfaceLoad(load, tuple(bodies))
 
 
 def _linear_nodes(
     cells: BodyCells,
-    network: AbstractNetwork,
+    body: BodyProgram,
     terms: SurfaceTerms,
-    entries: list[int],
+    entries: list[tuple[int, ...]],
 ) -> _LinearNodes:
     """The balance of all cells, solved and summed by nodes."""
     dtype = terms.half_cell.dtype
     surface = linear_surface(terms)
     xp = namespace(surface)
-    everywhere, sums = _sums(cells, network, traced=is_traced(surface))
+    everywhere, sums = _sums(cells, body.network, traced=is_traced(surface))
     forcings, linear_terms = _shared_forcings(surface.terms, dtype)
     natural = [term for term in linear_terms if not term.is_prescribed]
     prescribed = [term for term in linear_terms if term.is_prescribed]
@@ -209,7 +233,7 @@ def _linear_nodes(
             heat = _weight(exposed, forcing) * (surface.through + lost_to_others)
             heat = heat - lost_here * _weight(competing, forcing)
             heat = zero + heat + _weight(fixed, forcing)
-            forced.append(xp.asarray(heat.sum(), dtype))
+            forced.append(xp.asarray(_totals(cells, heat), dtype))
         entry_forced.append(xp.stack(forced))
         slope = None
         if any(term.law.slope is not None for term in (*exposed, *fixed)):
@@ -228,11 +252,37 @@ def _linear_nodes(
         forced=tuple(forced_nodes),
         slope=sum(slopes[1:], slopes[0]) if slopes else None,
         everywhere=everywhere,
+        sums=_node_sums(cells, body, everywhere),
         entries=tuple(entries[number] for number in numbers),
         names=tuple(terms.names[number] for number in numbers),
         entry_forced=tuple(entry_forced),
         entry_slope=tuple(entry_slope),
     )
+
+
+def _totals(cells: BodyCells, heat: Any) -> Any:
+    """Sums over the cells of each body."""
+    if cells.members is None:
+        return heat.sum()[None]
+    if is_traced(heat):
+        return cells.members.sums(heat)
+    return np.array([heat[of_body].sum() for of_body in consecutive(cells.sizes)])
+
+
+def _node_sums(
+    cells: BodyCells, body: BodyProgram, everywhere: bool
+) -> SegmentSums | None:
+    """Sums over the nodes of each body with cells: all of them, or those with cells."""
+    if body.members is None:
+        return None
+    member = np.asarray(body.members.of_node)
+    if not everywhere:
+        member = member[np.asarray(cells.address[0])]
+    used = [body.numbers.index(number) for number in cells.numbers]
+    starts = np.searchsorted(member, used, side="left")
+    stops = np.searchsorted(member, used, side="right")
+    pairs = zip(starts.tolist(), stops.tolist(), strict=True)
+    return segment_sums([slice(*pair) for pair in pairs], len(member))
 
 
 def _weight(terms: list[LinearTerm], forcing: Any) -> Any:

@@ -18,6 +18,7 @@ from ...parallel.devices import require_device_memory
 from ...structures.kinds.full import FullVolume
 from ...structures.structure import AbstractStructure
 from ..scene import AbstractMaterials, Body, Scene
+from .groups import as_links, grouped_numbers, joins_bodies
 from .program import Compiled
 
 
@@ -123,13 +124,28 @@ def forecast_memory(
 ) -> _MemoryForecast:
     """Forecast of a run with a number of saves, by steps of a kind."""
     width = 8 if scene.dtype == "float64" else 4
+    joined = {
+        number
+        for numbers in grouped_numbers(scene, joins_bodies(method))
+        for number in numbers
+        if len(numbers) > 1
+    }
+    structures = [
+        as_links(body.structure) if number in joined else body.structure
+        for number, body in enumerate(scene.bodies)
+    ]
     bodies = [
         _body_forecast(
-            body, width=width, saves=saves, snapshots=snapshots, method=method
+            body,
+            structure=structure,
+            width=width,
+            saves=saves,
+            snapshots=snapshots,
+            method=method,
         )
-        for body in scene.bodies
+        for body, structure in zip(scene.bodies, structures, strict=True)
     ]
-    stencils = any(len(body.structure.state_shape) == 3 for body in scene.bodies)
+    stencils = any(len(structure.state_shape) == 3 for structure in structures)
     allocator = _RUNTIME_STENCIL if stencils else 0
     retained, steps, rows, runtime = np.sum(bodies, axis=0)
     return _MemoryForecast(
@@ -150,9 +166,13 @@ class _BodyForecast(NamedTuple):
 
 
 def _body_forecast(
-    body: Body, width: int, saves: int, snapshots: int, method: Method
+    body: Body,
+    structure: AbstractStructure,
+    width: int,
+    saves: int,
+    snapshots: int,
+    method: Method,
 ) -> _BodyForecast:
-    structure = body.structure
     counts = structure.found("part_counts", lambda: _counts(structure))
     # What reads the fragments is on every device, and counted for all of them; what
     # steps evaluate is on the device of its section.

@@ -40,16 +40,17 @@ def _iterations(program: Program, temperatures: Forcing, end: float) -> int:
     terms = jax.tree.map(_on_host, terms)
     entries = set(program.entries)
     iterations = []
-    start = 0
-    for number, body in enumerate(program.bodies):
-        cells = slice(start, start + body.node.shape[0])
-        start = cells.stop
+    for body, cells in zip(program.bodies, program.fragments(), strict=True):
         acting = {
-            k for k, name in enumerate(terms.names) if (name, (number,)) in entries
+            k
+            for k, name in enumerate(terms.names)
+            if any((name, (number,)) in entries for number in body.numbers)
         }
         body_terms = terms
         if len(program.bodies) > 1 or len(acting) < len(terms.names):
-            body_terms = terms.selected(cells, acting, np.asarray(body.reference))
+            body_terms = terms.selected(
+                cells, acting, np.asarray(body.fragment_reference)
+            )
         if body_terms.is_linear:
             continue
         if not body.network.is_linear:

@@ -14,18 +14,21 @@ Next to another material a difference of two nodes is scaled to the gradient at 
 node, by the conductivities at both ends of the link.
 """
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
-from ...arrays import array_namespace, device_array, taken
+from ...arrays import Scalar, array_namespace, device_array, taken
 from ...errors import InputError
 from ...memo.found import digest, found
+from ...network.network import Address
 from ...physics.conduction import conductivity_at_ends, conductivity_table
 from ...structures.partition.assignment import voxel_owner
 from ...structures.structure import AbstractVoxelStructure
@@ -33,14 +36,15 @@ from ...structures.surface_map import Range, gradient_rows
 from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.grid import VoxelGrid
 from ..air import bodies_around_air, bodies_with_surface
-from ..scene import AbstractMaterials, Probe, Scene
-from .bodies import PreparedBody
+from ..scene import AbstractMaterials, Body, Probe, Scene
+from .bodies import PreparedGroup
 
 
 class BodyProbes(Module):
-    """The probes of one body."""
+    """The probes of a group of bodies."""
 
     body: int = eqx.field(static=True)
+    """Number of the group in the program."""
     number: tuple[int, ...] = eqx.field(static=True)
     """Numbers of the probes in the scene."""
     address: tuple[Int[Array, " q"], ...]
@@ -55,7 +59,7 @@ class BodyProbes(Module):
     surface_weight: Float[Array, " r"]
     """The like from the fragment to the point by the part w."""
     fragment: Int[Array, " q"]
-    """Nearest fragment of the body."""
+    """Nearest fragment of the group."""
     at_surface: Float[Array, " q"]
     """w [-]: 1 at the surface, 0 at the depth of a node."""
 
@@ -110,6 +114,47 @@ class BodyProbes(Module):
 _ON_SURFACE = 1e-9
 
 
+class _Member(NamedTuple):
+    """A body of a group, with its place in the group."""
+
+    number: int
+    """Number of the body in the scene."""
+    body: Body
+    reference: Scalar
+    """Temperature from which its state counts [K]."""
+    group: PreparedGroup
+    first_node: int
+    first_fragment: int
+
+    def address_of(self, nodes: Int[np.ndarray, " m"]) -> Address:
+        """Position of some of its nodes in the state of the group."""
+        return self.group.address_of(nodes + self.first_node)
+
+
+def _members(prepared: tuple[PreparedGroup, ...]) -> list[_Member]:
+    """All bodies, in the order of the scene."""
+    bodies = [
+        _Member(
+            number=number,
+            body=body,
+            reference=reference,
+            group=group,
+            first_node=nodes.start,
+            first_fragment=fragments.start,
+        )
+        for group in prepared
+        for number, body, reference, nodes, fragments in zip(
+            group.group.numbers,
+            group.group.bodies,
+            group.references,
+            group.group.nodes,
+            group.group.fragments,
+            strict=True,
+        )
+    ]
+    return sorted(bodies, key=lambda member: member.number)
+
+
 class _Located(NamedTuple):
     """Points relative to one body."""
 
@@ -122,7 +167,7 @@ class _Located(NamedTuple):
 
 
 def bind_probes(
-    scene: Scene, prepared: tuple[PreparedBody, ...], dtype: Any
+    scene: Scene, prepared: tuple[PreparedGroup, ...], dtype: Any
 ) -> tuple[BodyProbes, ...]:
     """Bind the probes of a scene to the bodies that they are in or on.
 
@@ -134,22 +179,24 @@ def bind_probes(
             whose structure has no nodes there.
     """
     positions = np.array([probe.position for probe in scene.probes])
-    surfaced = prepared[: len(bodies_with_surface(scene))]
-    points = [body.body.pose.at(0.0).to_body(positions) for body in surfaced]
+    bodies = _members(prepared)
+    surfaced = bodies[: len(bodies_with_surface(scene))]
+    points = [member.body.pose.at(0.0).to_body(positions) for member in surfaced]
     located = [
-        _located(body.body.structure.grid, body_points)
-        for body, body_points in zip(surfaced, points, strict=True)
+        _located(member.body.structure.grid, body_points)
+        for member, body_points in zip(surfaced, points, strict=True)
     ]
     gap = np.stack([body_located.gap for body_located in located])
     nearest = gap.argmin(axis=0)
-    pitch = np.array([body.body.structure.grid.pitch for body in surfaced])
+    pitch = np.array([member.body.structure.grid.pitch for member in surfaced])
     is_far = gap.min(axis=0) > pitch[nearest]
-    bound = []
+    bound: dict[int, list[BodyProbes]] = {}
     for air, around in bodies_around_air(scene).items():
-        cavities = prepared[around].body.structure.grid.cavities
+        cavities = bodies[around].body.structure.grid.cavities
         if cavities is not None:
             is_enclosed = is_far & (cavities.at(points[around]) > 0)
-            bound.append(_in_air(prepared[air], np.flatnonzero(is_enclosed), dtype))
+            probes_in_air = _in_air(bodies[air], np.flatnonzero(is_enclosed), dtype)
+            bound[bodies[air].group.number] = [probes_in_air]
             is_far &= ~is_enclosed
             nearest[is_enclosed] = air
     for n, probe in enumerate(scene.probes):
@@ -164,7 +211,7 @@ def bind_probes(
         if len(number):
             body_located = _Located._make(column[number] for column in body_located)
             probes = [scene.probes[n] for n in number]
-            bound.append(
+            bound.setdefault(body.group.number, []).append(
                 _bind(
                     body,
                     probes=probes,
@@ -174,16 +221,30 @@ def bind_probes(
                     dtype=dtype,
                 )
             )
-    return tuple(bound)
+    return tuple(_joined(bound[group]) for group in sorted(bound))
 
 
-def _in_air(air: PreparedBody, number: Int[np.ndarray, " q"], dtype: Any) -> BodyProbes:
+def _joined(probes: list[BodyProbes]) -> BodyProbes:
+    """Probes of several bodies of one group."""
+    if len(probes) == 1:
+        return probes[0]
+    starts = np.cumsum([0, *(len(of_body.number) for of_body in probes)])[:-1]
+    rows = [
+        replace(of_body, number=(), body=0, row=of_body.row + np.int32(start))
+        for of_body, start in zip(probes, starts, strict=True)
+    ]
+    joined = jax.tree.map(lambda *parts: jnp.concatenate(parts), *rows)
+    number = sum((of_body.number for of_body in probes), ())
+    return replace(joined, number=number, body=probes[0].body)
+
+
+def _in_air(air: _Member, number: Int[np.ndarray, " q"], dtype: Any) -> BodyProbes:
     """Probes with these numbers in a body of air, which has one temperature."""
     node = np.zeros(len(number), np.int32)
     none = device_array(np.zeros(0, np.int32))
     no_weight = device_array(np.zeros(0), dtype)
     return BodyProbes(
-        body=air.number,
+        body=air.group.number,
         number=tuple(number.tolist()),
         address=air.address_of(node),
         neighbour=(none,),
@@ -225,7 +286,7 @@ def _locate(grid: AbstractGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
 
 
 def _bind(
-    body: PreparedBody,
+    body: _Member,
     probes: list[Probe],
     number: Int[np.ndarray, " q"],
     points: Float[np.ndarray, "q 3"],
@@ -273,14 +334,14 @@ def _bind(
         body, link=rows.link[entry], is_src=rows.is_src[entry], dtype=dtype
     )
     return BodyProbes(
-        body=body.number,
+        body=body.group.number,
         number=tuple(number.tolist()),
         address=body.address_of(node),
         neighbour=body.address_of(rows.neighbour[entry]),
         row=device_array(row.astype(np.int32)),
         inside_weight=device_array(inside_weight, dtype) * ratio,
         surface_weight=device_array(surface_weight, dtype) * ratio,
-        fragment=device_array(fragment.astype(np.int32)),
+        fragment=device_array((fragment + body.first_fragment).astype(np.int32)),
         at_surface=device_array(at_surface, dtype),
     )
 
@@ -300,7 +361,7 @@ def _nearest_fragment(
 
 
 def _nodes(
-    body: PreparedBody,
+    body: _Member,
     probes: list[Probe],
     located: _Located,
     at_surface: Float[np.ndarray, " q"],
@@ -327,7 +388,7 @@ def _nodes(
 
 
 def _slope_ratio(
-    body: PreparedBody,
+    body: _Member,
     link: Int[np.ndarray, " r"],
     is_src: Bool[np.ndarray, " r"],
     dtype: Any,

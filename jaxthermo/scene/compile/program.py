@@ -3,7 +3,7 @@
 import bisect
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import equinox as eqx
@@ -12,11 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from equinox import Module
 from jax.sharding import Mesh
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from ...arrays import Time, consecutive, device_array, taken
-from ...network.network import AbstractNetwork, Address
-from ...parallel.lattice import spread, with_added
+from ...network.group_order import GroupOrder, apart, together
+from ...parallel.lattice import spread
 from ...physics.contact.links import ContactLinks
 from ...physics.convection.enclosed_air import AirExchange
 from ...physics.half_cells import varying_half_cells
@@ -24,78 +24,23 @@ from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface import Note
 from ...physics.surface_energy_balance import SurfaceTerms
-from ...physics.time_varying import value_at
-from ...structures.surface_map import BoundMap, Range, SurfaceState
-from ..scene import Scene, SolvedSurface
+from ...structures.surface_map import Range, SurfaceState
+from ..scene import BodyGeometry, Scene, SolvedSurface
 from .bodies import TemperatureBounds
+from .body_program import BodyProgram, SurfaceCoefficients
 from .probes import BodyProbes
 from .surface_load import AbstractSurfaceLoad
 
 
 State = tuple[Float[Array, "..."], ...]
-"""Temperature above the reference at every node, one array per body [K]; where the heat
-capacity depends on temperature, heat over the capacity at the reference."""
+"""Temperature above the reference at every node, one array per group of bodies [K];
+where the heat capacity depends on temperature, heat over the capacity at the
+reference."""
 
 
 LedgerEntries = tuple[tuple[str, tuple[int, ...]], ...]
 """Lines of the energy ledger: a mechanism and the body that it heats, or the two bodies
 that it carries heat between, from the first to the second."""
-
-
-class VolumeLoad(Module):
-    """Heat released inside a body."""
-
-    entry: int = eqx.field(static=True)
-    address: Address
-    """Position of the heated nodes, in the order of the state."""
-    rise: Float[Array, " m"]
-    """Heated volume over capacity of each heated node [m^3 K/J]."""
-    volume: Float[Any, ""]
-    """Heated volume of all nodes [m^3]; of a heat rate the fraction that it is of the
-    heated volume of all bodies, in `rise` too."""
-    heat_rate_density: Any
-    """[W/m^3], or a heat rate [W]."""
-    mesh: Mesh | None = eqx.field(static=True)
-    """Devices of the body, each with the nodes of one section; None for one device."""
-
-    def apply_heat(
-        self, new: Float[Array, "..."], time: Time, dt: Time
-    ) -> tuple[Float[Array, "..."], Float[Array, ""]]:
-        """A state with the heat of one step, and its rate [W]."""
-        density = value_at(self.heat_rate_density, time)
-        warmed = with_added(
-            self.mesh,
-            values=new,
-            address=self.address,
-            increments=dt * density * self.rise,
-        )
-        return warmed, density * self.volume
-
-
-class BodyProgram(Module):
-    """One body: its network, heat sources, and how its surface is read."""
-
-    network: AbstractNetwork
-    reference: Float[Any, ""]
-    """Temperature from which the state counts [K]."""
-    sources: tuple[VolumeLoad, ...]
-    address: Address
-    """Position of the surface nodes, each once, in the order of the state."""
-    node: Int[Array, " s"]
-    """Index of each fragment's node among the surface nodes."""
-    exposed_fraction: Float[Any, "*s"]
-    """Fraction of each fragment that nothing touches."""
-    surface_map: BoundMap
-    conductivity_parts: Float[Array, "q s"] | None
-    """Fractions of each fragment's conductivity by material and axis, where one of
-    several varies with temperature."""
-
-    def below(
-        self, theta: Float[Array, "..."]
-    ) -> tuple[Float[Array, " m"], Float[Array, " s"]]:
-        """Temperatures of the nodes that have surface, and below each fragment [K]."""
-        nodes = taken(theta, self.address)
-        return nodes, taken(nodes, self.node)
 
 
 class SurfaceHeat(Module):
@@ -163,6 +108,9 @@ class Program(Module):
     """All that the solver needs, and nothing else."""
 
     bodies: tuple[BodyProgram, ...]
+    """Groups of bodies."""
+    order: GroupOrder | None
+    """None where the groups have the order of the scene."""
     surface: AbstractSurfaceLoad | None
     """None where nothing acts on any surface."""
     fragment_terms: SurfaceTerms
@@ -192,10 +140,39 @@ class Program(Module):
         outer = (name for name, bodies in self.entries if len(bodies) == 1)
         return tuple(dict.fromkeys(outer))
 
+    def group_of(self, number: int) -> int:
+        """Number of the group of a body, by that of the body in the scene."""
+        return next(n for n, body in enumerate(self.bodies) if number in body.numbers)
+
     @property
-    def references(self) -> tuple[Float[Any, ""], ...]:
-        """Temperatures from which the states count [K]."""
-        return tuple(body.reference for body in self.bodies)
+    def body_count(self) -> int:
+        """Number of bodies in the scene."""
+        return sum(len(body.numbers) for body in self.bodies)
+
+    def by_body(self, values: Sequence[Float[Array, " _"]]) -> Float[Array, " b"]:
+        """Values of the bodies of each group, in the order of the scene."""
+        joined = values[0] if len(values) == 1 else jnp.concatenate(values)
+        numbers = np.concatenate([body.numbers for body in self.bodies])
+        order = np.argsort(numbers)
+        is_sorted = bool((np.diff(numbers) > 0).all())
+        return joined if is_sorted else taken(joined, order)
+
+    def fragments(self) -> list[slice | Int[np.ndarray, " _"]]:
+        """Fragments of each group among those of the scene."""
+        slices = consecutive(body.node.shape[0] for body in self.bodies)
+        if self.order is None:
+            return list(slices)
+        index = np.asarray(self.order.of_groups)
+        return [index[of_group] for of_group in slices]
+
+    def by_group(self, values: Shaped[Array, " s"]) -> list[Shaped[Array, " _"]]:
+        """Values of all fragments of a scene, those of each group."""
+        counts = [body.node.shape[0] for body in self.bodies]
+        return apart(values, counts, self.order)
+
+    def in_scene(self, values: Sequence[Float[Array, " _"]]) -> Float[Array, " s"]:
+        """Values of the fragments of each group, in the order of the scene."""
+        return together(values, self.order)
 
     def in_air(self, states: State, start: State | None = None) -> "Program":
         """The program with its terms at the temperatures of the bodies of air.
@@ -206,10 +183,11 @@ class Program(Module):
             return self
         temperatures = {}
         for air in self.airs:
-            body = self.bodies[air.body]
-            state = states[air.body]
+            number = self.group_of(air.body)
+            body = self.bodies[number]
+            state = states[number]
             if start is not None:
-                state = state + start[air.body]
+                state = state + start[number]
             temperatures[air.body] = body.reference + body.network.temperature(state)[0]
         load = self.surface
         if load is not None:
@@ -227,7 +205,11 @@ class Program(Module):
     def stored_heat(self, states: State) -> Float[Array, " b"]:
         """Heat of every body above its reference [J]."""
         pairs = zip(self.bodies, states, strict=True)
-        return jnp.stack([body.network.stored(state) for body, state in pairs])
+        return self.by_body([body.stored(state) for body, state in pairs])
+
+    def total_capacity(self) -> Float[Array, " b"]:
+        """Heat capacity of every body [J/K]."""
+        return self.by_body([body.total_capacity() for body in self.bodies])
 
     def surface_temperatures(
         self,
@@ -236,12 +218,12 @@ class Program(Module):
         contact_excess: Sequence[Float[Array, " _"] | None],
         is_limited: bool = True,
     ) -> list[Float[Array, " _"]]:
-        """Temperatures of every body's fragments above its reference [K].
+        """Temperatures of every group's fragments above their references [K].
 
         Args:
-            states: states of the bodies.
+            states: states of the groups.
             time: time at which loads act [s]; None if none has acted yet.
-            contact_excess: excess of each body's fragments over their nodes that
+            contact_excess: excess of each group's fragments over their nodes that
                 contacts cause [K].
             is_limited: False for an affine function of the states where all laws are
                 linear, which may leave the range of what surrounds a fragment.
@@ -262,14 +244,13 @@ class Program(Module):
             for n, body in enumerate(self.bodies)
         ]
 
-    def held_fragments(self) -> list[Bool[Array, " _"] | None]:
-        """Fragments of each body whose temperature is prescribed; None for none."""
+    def held_fragments(self) -> Sequence[Bool[Array, " _"] | None]:
+        """Fragments of each group whose temperature is prescribed; None for none."""
         areas = [term.effective_area for _, term in self.fragment_terms.prescribed]
         if not areas:
             return [None] * len(self.bodies)
         is_held = jnp.stack([jnp.asarray(area) > 0 for area in areas]).any(axis=0)
-        counts = [body.node.shape[0] for body in self.bodies]
-        return [is_held[fragments] for fragments in consecutive(counts)]
+        return self.by_group(is_held)
 
     def _surface_states(
         self,
@@ -278,19 +259,18 @@ class Program(Module):
         contact_excess: Sequence[Float[Array, " _"] | None],
         is_limited: bool,
     ) -> Sequence[SurfaceState | None]:
-        """State of the surface of each body, as far as its map needs it."""
+        """State of the surface of each group, as far as its map needs it."""
         # The balance at the surface is solved again only for maps that read it.
         maps = [body.surface_map for body in self.bodies]
         is_limited = is_limited and any(m.is_limited for m in maps)
         is_read = is_limited or any(m.needs_excess for m in maps)
         if not (is_read or self.fragment_terms.prescribed):
             return [None] * len(self.bodies)
-        ends = np.cumsum([len(body_below) for body_below in below])[:-1].tolist()
         terms, joined = self._terms_above(time, below)
-        excess = jnp.split(terms.surface_excess(time, joined), ends)
+        excess = self.by_group(terms.surface_excess(time, joined))
         equilibrium: Sequence = [None] * len(self.bodies)
         if is_limited:
-            equilibrium = jnp.split(terms.equilibrium(time, joined), ends)
+            equilibrium = self.by_group(terms.equilibrium(time, joined))
         held = self.held_fragments()
         states = []
         for n, body in enumerate(self.bodies):
@@ -311,8 +291,8 @@ class Program(Module):
         """Temperatures at the probes of the scene [K]; None without any.
 
         Args:
-            states: states of the bodies.
-            surface: temperatures of every body's fragments above its reference [K].
+            states: states of the groups.
+            surface: temperatures of every group's fragments above its reference [K].
             is_limited: False where no load has acted on the surface yet.
         """
         if not self.probes:
@@ -330,7 +310,7 @@ class Program(Module):
                 nodes, _ = body.below(theta)
                 around = Range(nodes, nodes).including_groups(fragments, body.node)
                 above = probes.limited(above, theta, around, body.node)
-            temperatures.append(body.reference + above)
+            temperatures.append(body.reference_at(probes.address) + above)
         order = np.argsort(np.concatenate([probes.number for probes in self.probes]))
         return jnp.concatenate(temperatures)[order]
 
@@ -342,7 +322,7 @@ class Program(Module):
     ) -> dict[str, Float[Array, " s"]]:
         """The outputs that the scene asks for at every fragment, by name.
 
-        `contact_heat` are the heat rates into each body's fragments by contacts [W].
+        `contact_heat` are the heat rates into each group's fragments by contacts [W].
         Zeros where no load has acted yet and `time` is None.
         """
         if self.surface_heat is None:
@@ -352,7 +332,7 @@ class Program(Module):
         pairs = zip(self.bodies, theta, strict=True)
         below = [body.below(body_theta)[1] for body, body_theta in pairs]
         if time is None:
-            none = jnp.concatenate([jnp.zeros_like(body_below) for body_below in below])
+            none = self.in_scene([jnp.zeros_like(body_below) for body_below in below])
             return dict.fromkeys(self.surface_heat.outputs, none)
         by_contacts = [
             jnp.zeros_like(body_below) if heat is None else heat
@@ -360,7 +340,7 @@ class Program(Module):
         ]
         terms, joined = self.in_air(states)._terms_above(time, below)
         return self.surface_heat.evaluate(
-            terms, time, joined, jnp.concatenate(by_contacts)
+            terms, time, joined, self.in_scene(by_contacts)
         )
 
     def _terms_above(self, time, below: list) -> tuple[SurfaceTerms, Array]:
@@ -369,9 +349,10 @@ class Program(Module):
             [body.network for body in self.bodies],
             fractions=[body.conductivity_parts for body in self.bodies],
             counts=[len(body_below) for body_below in below],
+            order=self.order,
         )
         terms = replace(self.fragment_terms, varying=varying)
-        joined = jnp.concatenate(below) if below[1:] else below[0]
+        joined = self.in_scene(below)
         if self.fine_enclosure is not None:
             radiating = joined + terms.prescribed_excess(time, joined)
             received = self.fine_enclosure.irradiation(time, radiating)
@@ -450,11 +431,16 @@ class Compiled:
     """Start of each program [s]; the first at 0."""
     acting: tuple[int, ...] = _static_field()
     """Numbers of the terms that act."""
+    joins: bool = _static_field()
+    """True if bodies of one form conduct as one network, see `body_groups`."""
     start: tuple[Float[Array | np.ndarray, "..."], ...]
     """State at time 0; one number where it is uniform."""
     state_shapes: tuple[tuple[int, ...], ...] = _static_field()
-    """Shape of the state of each body."""
-    surfaces: tuple[SolvedSurface, ...]
+    """Shape of the state of each group of bodies."""
+    geometries: tuple[BodyGeometry, ...] = _static_field()
+    """Shape and pose of each body."""
+    emissivity: SurfaceCoefficients
+    absorptivity: SurfaceCoefficients
     radiation: SceneRadiation
     """Radiation that reaches the surfaces, absorbed or not."""
     temperatures: TemperatureBounds
@@ -467,6 +453,17 @@ class Compiled:
     # Not in the programs, which would be compiled again for other times of a table.
     breakpoints: tuple[float, ...] = _static_field(default=())
     """Times that steps end at, besides the save times [s]."""
+
+    @cached_property
+    def surfaces(self) -> tuple[SolvedSurface, ...]:
+        """Surfaces of the bodies, for a camera."""
+        bodies = zip(
+            self.geometries,
+            self.emissivity.by_body(),
+            self.absorptivity.by_body(),
+            strict=True,
+        )
+        return tuple(SolvedSurface(*body) for body in bodies)
 
     @property
     def state(self) -> State:

@@ -6,17 +6,19 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Int, Shaped
 
-from ...arrays import device_array, typed_array
+from ...arrays import consecutive, device_array, typed_array
+from ...network.group_order import GroupOrder
 from ...network.network import Address
+from ...network.segment_sums import segment_sums
 from ...physics.contact.links import ContactLinks
-from ...physics.contact.search import ContactPairs
+from ...physics.contact.search import ContactPairs, Joint
 from ...physics.convection.enclosed_air import AirExchange, EnclosedAir
 from ...physics.flux_law import bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
-from ...physics.surface import Omitted, Surface, concatenated
+from ...physics.surface import Omitted, Surface
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.term import (
     AbstractExchangeTerm,
@@ -25,12 +27,15 @@ from ...physics.term import (
 )
 from ...physics.time_varying import breakpoints, changes_unseen, for_jit
 from ..scene import Scene, mechanism_names
-from .bodies import PreparedBody
+from .bodies import PreparedGroup
+from .body_program import BodyProgram, Members, VolumeLoad
+from .groups import BodyGroup, fragment_order
 from .linear_load import linear_programs
 from .probes import bind_probes
-from .program import BodyProgram, Program, VolumeLoad, surface_heat
+from .program import Program, surface_heat
 from .snapshots import PairKey, Snapshot, acting
-from .surface_load import AbstractSurfaceLoad, body_cells, surface_load
+from .surface_cells import body_cells
+from .surface_load import AbstractSurfaceLoad, surface_load
 
 
 Volumes = dict[tuple[int, int], VolumeBinding]
@@ -96,7 +101,7 @@ class ProgramBuilder:
     """Bodies, snapshots and ledger from which the programs of a scene are made."""
 
     scene: Scene
-    prepared: tuple[PreparedBody, ...]
+    prepared: tuple[PreparedGroup, ...]
     snapshots: list[Snapshot]
     volumes: Volumes
     ledger: Ledger
@@ -104,11 +109,6 @@ class ProgramBuilder:
     @property
     def _dtype(self) -> Any:
         return self.snapshots[0].surface.dtype
-
-    @property
-    def _surfaced(self) -> tuple[PreparedBody, ...]:
-        """The bodies that have a surface; those of air follow them."""
-        return self.prepared[: len(self.snapshots[0].surface.bodies)]
 
     @cached_property
     def _entry(self) -> dict[tuple[int, ...], int]:
@@ -123,10 +123,33 @@ class ProgramBuilder:
     @cached_property
     def _rows(self) -> tuple[tuple[int, ...], ...]:
         """Entry of each of these terms on each body in the ledger; -1 for none."""
+        body_count = len(self.scene.bodies)
         return tuple(
-            tuple(self._entry.get((n, body.number), -1) for body in self._surfaced)
+            tuple(self._entry.get((n, body), -1) for body in range(body_count))
             for n in self._names
         )
+
+    @cached_property
+    def _order(self) -> tuple[Int[np.ndarray, " s"], GroupOrder | None]:
+        """Fragment of the scene of each fragment of the groups, and their order."""
+        return fragment_order(tuple(body.group for body in self.prepared))
+
+    @cached_property
+    def _group_of(self) -> dict[int, tuple[int, int]]:
+        """Number of the group of each body, and of its first fragment in the group."""
+        return {
+            number: (body.number, fragments.start)
+            for body in self.prepared
+            for number, fragments in zip(
+                body.group.numbers, body.group.fragments, strict=True
+            )
+        }
+
+    def _by_group(self, values: Shaped[np.ndarray, " s"]) -> list[Any]:
+        """Values of the fragments of each group."""
+        counts = [len(body.fragment_node) for body in self.prepared]
+        index, _ = self._order
+        return [values[index[fragments]] for fragments in consecutive(counts)]
 
     @cached_property
     def _acting(self) -> list[Bool[np.ndarray, " s"]]:
@@ -143,7 +166,7 @@ class ProgramBuilder:
         values = [value for term in used for value in term.values]
         exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
         sizes = _pair_counts(self.snapshots)
-        touched = {number for key in sizes for number in key[1:]}
+        touched = {self._group_of[number][0] for key in sizes for number in key[1:]}
         bodies = [self._body(body) for body in self.prepared]
         # Areas of fragments and nodes of probes do not change as bodies move.
         probes = ()
@@ -161,7 +184,9 @@ class ProgramBuilder:
                 fine, accuracy = exchange.enclosure(surface)
                 accuracies.append(accuracy)
             load, enclosure = self._surface_load(fragment_terms, surface, fine)
-            exposed = [body.exposed_fraction for body in surface.bodies]
+            exposed = self._by_group(
+                np.concatenate([body.exposed_fraction for body in surface.bodies])
+            )
             program = Program(
                 bodies=tuple(
                     replace(body, exposed_fraction=exposed[n]) if n in touched else body
@@ -169,9 +194,10 @@ class ProgramBuilder:
                 ),
                 surface=load,
                 fragment_terms=fragment_terms,
+                order=self._order[1],
                 contacts=tuple(
-                    self._contact(key, snapshot.pairs.get(key), size)
-                    for key, size in sizes.items()
+                    self._contact(keys, snapshot, sizes)
+                    for keys in self._joined_pairs(sizes)
                 ),
                 enclosure=enclosure,
                 fine_enclosure=fine,
@@ -213,15 +239,13 @@ class ProgramBuilder:
             )
 
         # Where a temperature is prescribed, that term holds the half cell.
-        half_cells = [
-            body.half_cell
-            if body.natural.all()
-            else body.half_cell * body.natural.astype(body.dtype)
-            for body in snapshot.surface.bodies
-        ]
+        surface = snapshot.surface
+        half_cell = surface.half_cell
+        if not surface.natural.all():
+            half_cell = half_cell * surface.natural.astype(surface.dtype)
         return SurfaceTerms(
             names=tuple(self._names.values()),
-            half_cell=concatenated(half_cells),
+            half_cell=half_cell,
             natural=numbered(snapshot.natural),
             prescribed=numbered(snapshot.prescribed),
             radiating=numbered(snapshot.radiating),
@@ -231,24 +255,29 @@ class ProgramBuilder:
         self, terms: SurfaceTerms, surface: Surface, fine: Enclosure | None
     ) -> tuple[AbstractSurfaceLoad | None, Enclosure | None]:
         """The load on surface cells, and the radiation between them."""
-        # By term, and by body.
-        masks = [surface.apart(is_acting) for is_acting in self._acting]
+        # By term, and by group.
+        masks = [self._by_group(is_acting) for is_acting in self._acting]
         # Fragments of one cell must be in one patch of the radiative exchange.
-        groups: list = [None] * len(self._surfaced)
+        patches: list = [None] * len(self.prepared)
         if fine is not None:
-            groups = surface.apart(np.asarray(fine.patch))
+            patches = self._by_group(np.asarray(fine.patch))
         cells = []
-        cell = []
-        for n, body in enumerate(self._surfaced):
-            body_masks = [mask[n] for mask in masks]
-            cells_of_body, cell_of_fragment = body_cells(body, body_masks, groups[n])
-            cells.append(cells_of_body)
-            cell.append(cell_of_fragment)
-        load, joined = surface_load(
+        numbers = []
+        first = 0
+        for n, body in enumerate(self.prepared):
+            group_masks = [mask[n] for mask in masks]
+            layout, cell = body_cells(body, group_masks, patches[n])
+            cells.append(layout)
+            numbers.append(np.where(cell >= 0, cell + first, -1))
+            first += 0 if layout is None else layout.node.shape[0]
+        index, _ = self._order
+        joined = np.empty(len(index), np.int64)
+        joined[index] = np.concatenate(numbers)
+        load = surface_load(
             terms,
-            cells=tuple(cells),
-            cell=cell,
-            references=surface.references,
+            cells=cells,
+            cell=joined,
+            references=[body.reference for body in self.prepared],
             entries=self._rows,
             entry_count=len(self.ledger),
         )
@@ -256,29 +285,55 @@ class ProgramBuilder:
             return load, None
         return load, fine.coarsened(joined, load.counts)
 
-    def _contact(
-        self, key: PairKey, pairs: ContactPairs | None, size: int
-    ) -> ContactLinks:
-        number, *numbers = key
-        term = self.scene.terms[number]
-        first, second = (self.prepared[body] for body in numbers)
-        assert isinstance(term, AbstractPairTerm)
-        if pairs is None:
-            counts = (len(body.fragment_node) for body in (first, second))
-            pairs = ContactPairs.none(*counts)
-        return term.bind(pairs, (first, second), self._entry[key], size)
+    def _joined_pairs(self, sizes: dict[PairKey, int]) -> list[list[PairKey]]:
+        """Pairs of bodies that a term joins, those of the same two groups together."""
+        joined: dict[tuple[int, int, int], list[PairKey]] = {}
+        for key in sizes:
+            number, first, second = key
+            groups = self._group_of[first][0], self._group_of[second][0]
+            joined.setdefault((number, *groups), []).append(key)
+        return list(joined.values())
 
-    def _body(self, body: PreparedBody) -> BodyProgram:
-        structure = body.body.structure
+    def _contact(
+        self, keys: list[PairKey], snapshot: Snapshot, sizes: dict[PairKey, int]
+    ) -> ContactLinks:
+        joints = []
+        for key in keys:
+            _, *bodies = key
+            pairs = snapshot.pairs.get(key)
+            if pairs is None:
+                counts = (snapshot.surface.counts[body] for body in bodies)
+                pairs = ContactPairs.none(*counts)
+            first, second = (self._group_of[body][1] for body in bodies)
+            joints.append(
+                Joint(
+                    pairs=pairs.shifted(first, second),
+                    entry=self._entry[key],
+                    size=sizes[key],
+                    name=f"bodies {bodies[0]} and {bodies[1]}",
+                )
+            )
+        number, *bodies = keys[0]
+        term = self.scene.terms[number]
+        assert isinstance(term, AbstractPairTerm)
+        first, second = (self.prepared[self._group_of[body][0]] for body in bodies)
+        return term.bind(joints, (first, second))
+
+    def _body(self, body: PreparedGroup) -> BodyProgram:
+        structure = body.structure
+        group = body.group
         address, node = structure.found("surface_nodes", lambda: _surface_nodes(body))
+        members = None
+        if not group.is_single:
+            members = structure.found("members", lambda: _members_of(group))
+        terms = {term for term, number in self.volumes if number in group.numbers}
         return BodyProgram(
+            numbers=group.numbers,
+            fragment_counts=tuple(c.stop - c.start for c in group.fragments),
             network=body.network,
             reference=typed_array(body.reference, self._dtype),
-            sources=tuple(
-                self._volume_load(key, binding, body)
-                for key, binding in self.volumes.items()
-                if key[1] == body.number
-            ),
+            members=members,
+            sources=tuple(self._volume_load(term, body) for term in sorted(terms)),
             address=address,
             node=node,
             # Bodies that never touch anything need no array of ones.
@@ -287,25 +342,33 @@ class ProgramBuilder:
             conductivity_parts=body.conductivity_parts,
         )
 
-    def _volume_load(
-        self, key: tuple[int, int], binding: VolumeBinding, body: PreparedBody
-    ) -> VolumeLoad:
+    def _volume_load(self, term: int, body: PreparedGroup) -> VolumeLoad:
         dtype = self._dtype
-        nodes = np.flatnonzero(binding.volume)
+        group = body.group
+        heated = [number for number in group.numbers if (term, number) in self.volumes]
+        bindings = [self.volumes[term, number] for number in heated]
+        volume = np.zeros(body.structure.node_count)
+        nodes_of = dict(zip(group.numbers, group.nodes, strict=True))
+        for number, binding in zip(heated, bindings, strict=True):
+            volume[nodes_of[number]] = binding.volume
+        nodes = np.flatnonzero(volume)
         sections = body.section_places(nodes)
         reached = np.zeros(len(sections.address[0]), dtype)
-        reached[sections.places] = binding.volume[nodes]
-        density = binding.heat_rate_density
-        if binding.heat_rate is not None:
+        # A term has the same values on all bodies.
+        density = bindings[0].heat_rate_density
+        total = 1.0
+        if bindings[0].heat_rate is not None:
             # Each cubic metre has one share of the heat rate of all bodies.
-            reached /= self._heated_volume(key[0])
-            density = binding.heat_rate
+            total = self._heated_volume(term)
+            density = bindings[0].heat_rate
+        reached[sections.places] = volume[nodes] / total
+        by_body = [binding.volume.sum() / total for binding in bindings]
         return VolumeLoad(
-            entry=self._entry[key],
+            entries=tuple(self._entry[term, number] for number in heated),
             address=sections.address,
             rise=jnp.asarray(reached) / body.network.capacity_at(sections.address),
             mesh=body.network.mesh,
-            volume=np.asarray(reached.sum(dtype=float), dtype),
+            volume=np.asarray(by_body, dtype),
             heat_rate_density=for_jit(density, dtype),
         )
 
@@ -331,7 +394,15 @@ def _accuracy_notes(
     )
 
 
-def _surface_nodes(body: PreparedBody) -> tuple[Address, Int[Array, " s"]]:
+def _members_of(group: BodyGroup) -> Members:
+    return Members(
+        of_node=device_array(group.member_of_node),
+        of_fragment=device_array(group.member_of_fragment),
+        sums=segment_sums(group.nodes, group.structure.node_count),
+    )
+
+
+def _surface_nodes(body: PreparedGroup) -> tuple[Address, Int[Array, " s"]]:
     """Position of the surface nodes, and the index of each fragment's node."""
     nodes, node = np.unique(body.fragment_node, return_inverse=True)
     address, rank = body.ordered_address(nodes)

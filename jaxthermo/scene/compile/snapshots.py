@@ -40,7 +40,12 @@ from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.selection import AbstractSelection
 from ..air import bodies_with_surface
 from ..scene import Body, Scene
-from .bodies import PreparedBody, surface_property
+from .bodies import (
+    PreparedGroup,
+    half_cells_of,
+    references_of,
+    surface_property,
+)
 from .claims import claimed_fragments
 
 
@@ -78,7 +83,7 @@ class Snapshot(NamedTuple):
 
 def take_snapshots(
     scene: Scene,
-    prepared: tuple[PreparedBody, ...],
+    prepared: tuple[PreparedGroup, ...],
     starts: tuple[float, ...],
     end: float | int,
     temperatures: Forcing | None,
@@ -106,16 +111,21 @@ def take_snapshots(
         )
         overlaps = _overlaps(placed, clear_pairs)
         contacts = _find_contacts(scene, placed)
+        bodies = _body_surfaces(
+            surfaced,
+            poses=poses,
+            covered=contacts.covered,
+            dtype=np.dtype(scene.dtype),
+            prune=once,
+        )
+        half_cell = half_cells_of(prepared)
+        if any(fraction is not None for fraction in contacts.covered):
+            exposed = [body.exposed_fraction for body in bodies]
+            half_cell = half_cell * np.concatenate(exposed)
         surface = Surface(
-            bodies=_body_surfaces(
-                surfaced,
-                prepared=prepared,
-                poses=poses,
-                covered=contacts.covered,
-                dtype=np.dtype(scene.dtype),
-                prune=once,
-            ),
-            references=tuple(body.reference for body in prepared[: len(surfaced)]),
+            bodies=bodies,
+            half_cell=half_cell,
+            references=references_of(prepared)[: len(surfaced)],
             temperatures=temperatures,
             end=end,
         )
@@ -165,7 +175,6 @@ def acting(snapshots: list[Snapshot]) -> list[Bool[np.ndarray, " s"]]:
 
 def _body_surfaces(
     bodies: tuple[Body, ...],
-    prepared: tuple[PreparedBody, ...],
     poses: tuple[Pose, ...],
     covered: list[Float[np.ndarray, " _"] | None],
     dtype: Any,
@@ -186,9 +195,6 @@ def _body_surfaces(
     for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
         grid = body.structure.grid
         exposed = _exposed(grid, covered[index], dtype)
-        half_cell = prepared[index].half_cell
-        if covered[index] is not None:
-            half_cell = half_cell * exposed.fraction
         with located(f"bodies[{index}]"):
             emissivity = surface_property(body, "emissivity", dtype)
             absorptivity = surface_property(body, "absorptivity", dtype)
@@ -202,7 +208,6 @@ def _body_surfaces(
                 area=exposed.area,
                 exposed_fraction=exposed.fraction,
                 natural=exposed.natural,
-                half_cell=half_cell,
                 emissivity=emissivity,
                 absorptivity=absorptivity,
                 scene_triangles=shadow,

@@ -55,7 +55,7 @@ def _stiffness(program: Program, number: int, highest, end):
                 stiffness = contact.stiffness(side, end, pair)
                 loads.append((contact.address[side], stiffness))
     for air in program.airs:
-        if air.body == number:
+        if program.group_of(air.body) == number:
             loads.append(((jnp.zeros(1, int),), _air_stiffness(program, air, end)))
     return loads
 
@@ -64,7 +64,7 @@ def _air_stiffness(
     program: Program, air: AirExchange, end: float
 ) -> Float[Array, " 1"]:
     """Conductances from the air to all surfaces and to outside [W/K]."""
-    capacity = program.bodies[air.body].network.capacity()
+    capacity = program.bodies[program.group_of(air.body)].network.capacity()
     dtype = capacity.dtype
     total = largest(air.rate, end).astype(dtype) * jnp.reshape(capacity, (-1,))[0]
     for _, term in program.fragment_terms.natural:

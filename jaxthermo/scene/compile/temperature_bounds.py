@@ -19,7 +19,7 @@ Each group of bodies that exchange heat, by contact, radiation or air, has its o
 bounds, of which the highest is that of the scene.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -27,17 +27,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ...arrays import added, is_traced, namespace, taken, typed_array
+from ...arrays import added, namespace, taken, typed_array
 from ...constants import STEFAN_BOLTZMANN
 from ...network.network import inverse
 from ...physics.time_varying import Dose, dose
 from ..scene import Scene
-from .bodies import PreparedBody, TemperatureBounds
-from .program import BodyProgram, Program
+from .bodies import PreparedGroup, TemperatureBounds
+from .body_program import BodyProgram
+from .program import Program
 
 
 _HOTTEST = 1e5
@@ -51,7 +52,7 @@ _CORRECTIONS = 3
 
 def temperature_bounds(
     scene: Scene,
-    prepared: tuple[PreparedBody, ...],
+    prepared: tuple[PreparedGroup, ...],
     programs: Sequence[Program],
     end: float,
     duration: float,
@@ -66,14 +67,16 @@ def temperature_bounds(
         duration: time for which they act [s]; infinite for a steady state.
     """
     start = []
-    for body in prepared:
-        if not callable(body.body.temperature):
-            start.append(body.reference)
-            continue
-        theta = body.network.temperature(jnp.asarray(body.state))
-        # On the host nothing is compiled for each shape of a body.
-        theta = theta if is_traced(theta) else np.asarray(theta)
-        start += [body.reference + theta.min(), body.reference + theta.max()]
+    for group in prepared:
+        start += [
+            reference
+            for body, reference in zip(
+                group.group.bodies, group.references, strict=True
+            )
+            if not callable(body.temperature)
+        ]
+        for _, ends in group.start_ranges():
+            start += [ends[0], ends[1]]
     forcings = [term.forcing(end) for term in scene.terms]
     # Single operations on few numbers are fastest on the host.
     xp = namespace((start, forcings))
@@ -102,14 +105,15 @@ def _imposes_heat(program: Program) -> bool:
 
 def _groups(programs: Sequence[Program]) -> Bool[np.ndarray, "b b"]:
     """Flag the bodies with which each body exchanges heat, directly or by others."""
-    count = len(programs[0].bodies)
+    count = programs[0].body_count
     if any(program.fine_enclosure is not None for program in programs):
         return np.ones((count, count), bool)
     joined = np.eye(count, dtype=bool)
     for program in programs:
-        for contact in program.contacts:
-            first, second = contact.bodies
-            joined[first, second] = joined[second, first] = True
+        for _, bodies in program.entries:
+            if len(bodies) == 2:
+                first, second = bodies
+                joined[first, second] = joined[second, first] = True
         for air in program.airs:
             for wall in air.walls:
                 _, (body,) = program.entries[wall]
@@ -179,15 +183,6 @@ def _rise(heat: list[_ImposedHeat], end: float, duration: float) -> Float[Array,
     return jnp.minimum(rate * duration, rises)
 
 
-def _fragments_of(program: Program) -> Iterator[tuple[BodyProgram, slice]]:
-    """Every body with the slice of its fragments among those of all bodies."""
-    start = 0
-    for body in program.bodies:
-        fragments = slice(start, start + body.node.shape[0])
-        start = fragments.stop
-        yield body, fragments
-
-
 def _dose(value: Any, end: float, dtype: Any, sign: float = 1.0) -> Dose:
     largest, integral = dose(value, end, sign)
     return Dose(jnp.asarray(largest, dtype), jnp.asarray(integral, dtype))
@@ -207,42 +202,68 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
             energies[number] = area * flux.integral
             total = total + area * flux.largest
     rates = []
-    rises: dict[int | str, dict[int, Float[Array, ""]]] = {}
+    rises: dict[int | str, dict[int, Float[Array, " _"]]] = {}
     excess = []
-    for index, (body, fragments) in enumerate(_fragments_of(program)):
+    energies = {n: program.by_group(energy) for n, energy in energies.items()}
+    totals = program.by_group(total)
+    half_cells = program.by_group(half_cell)
+    for index, body in enumerate(program.bodies):
         network = body.network
         smallest = network.min_relative_capacity()
         capacity = network.capacity_at(body.address) * smallest
         for number, energy in energies.items():
-            rise = (_sums(body, energy[fragments]) / capacity).max(initial=0)
+            rise = _sums(body, energy[index]) / capacity
+            rise = body.largest_of_nodes(rise, body.address)
             rises.setdefault(number, {})[index] = rise
-        rate = _sums(body, total[fragments]) / capacity
+        rate = _sums(body, totals[index]) / capacity
+        largest_rate = body.largest_of_nodes(rate, body.address)
         if body.sources:
             by_node = added(jnp.zeros_like(network.diagonal()), body.address, rate)
             for source in body.sources:
                 density = _dose(source.heat_rate_density, end, total.dtype, sign)
                 per_density = source.rise / smallest
                 # A term has the same values on all bodies.
-                name, _ = program.entries[source.entry]
-                rise = (per_density * density.integral).max()
+                name, _ = program.entries[source.entries[0]]
+                rise = body.largest_of_nodes(
+                    per_density * density.integral, source.address
+                )
                 by_body = rises.setdefault(name, {})
                 by_body[index] = jnp.maximum(by_body.get(index, 0), rise)
                 by_node = added(by_node, source.address, per_density * density.largest)
-            rate = by_node
-        rates.append(rate.max(initial=0))
-        conductance = half_cell[fragments] * network.min_relative_conductivity()
-        excess.append(_over(total[fragments], conductance).max(initial=0))
-    none = jnp.zeros_like(rates[0])
+            largest_rate = body.largest_of_nodes(by_node)
+        rates.append(largest_rate)
+        conductance = half_cells[index] * network.min_relative_conductivity()
+        excess.append(_over(totals[index], conductance))
     by_load = [
-        jnp.stack([by_body.get(index, none) for index in range(len(rates))])
+        program.by_body(
+            [
+                by_body.get(index, jnp.zeros_like(group_rate))
+                for index, group_rate in enumerate(rates)
+            ]
+        )
         for by_body in rises.values()
     ]
-    rate = jnp.stack(rates)
+    rate = program.by_body(rates)
     return _ImposedHeat(
         rate=rate,
         rises=jnp.stack([jnp.zeros_like(rate), *by_load]),
-        excess=jnp.stack(excess),
+        excess=jnp.maximum(_largest_of_bodies(program, program.in_scene(excess)), 0),
     )
+
+
+def _largest_of_bodies(
+    program: Program, values: Float[Array, " s"]
+) -> Float[Array, " b"]:
+    """Largest value among the fragments of each body."""
+    return jax.ops.segment_max(values, _body_of(program), program.body_count)
+
+
+def _body_of(program: Program) -> Int[np.ndarray, " s"]:
+    """Number of the body of each fragment of a scene."""
+    sizes = np.zeros(program.body_count, int)
+    for body in program.bodies:
+        sizes[list(body.numbers)] = body.fragment_counts
+    return np.repeat(np.arange(len(sizes)), sizes)
 
 
 def _sums(body: BodyProgram, values: Float[Array, " s"]) -> Float[Array, " m"]:
@@ -304,29 +325,27 @@ def _surface_bounds(
     loses = jnp.isfinite(level(heat=jnp.asarray(half_cell > 0, half_cell.dtype)))
     beneath = []
     conductances = []
-    parts = list(_fragments_of(program))
-    for body, fragments in parts:
-        conductance = half_cell[fragments] * body.network.min_relative_conductivity()
+    half_cells = program.by_group(half_cell)
+    kept = program.by_group(jnp.where(loses, 0, flux))
+    loss = program.by_group(loses)
+    for n, body in enumerate(program.bodies):
+        conductance = half_cells[n] * body.network.min_relative_conductivity()
         conductances.append(conductance)
         beneath.append(
             _excess_of_nodes(
                 body,
-                flux=jnp.where(loses[fragments], 0, flux[fragments]),
-                conductance=jnp.where(loses[fragments], conductance, 0),
+                flux=kept[n],
+                conductance=jnp.where(loss[n], conductance, 0),
                 end=end,
             )
         )
-    conductance = jnp.concatenate(conductances)
+    conductance = program.in_scene(conductances)
     excess = _over(flux, conductance)
-    sizes = [fragments.stop - fragments.start for _, fragments in parts]
-    of_body = np.repeat(np.arange(len(sizes)), sizes)
-
-    def largest(values: Float[Array, " s"]) -> Float[Array, " b"]:
-        return jax.ops.segment_max(values, of_body, len(sizes))
-
+    largest = partial(_largest_of_bodies, program)
+    of_body = _body_of(program)
     node = nodes[of_body]
     by_rise = jnp.minimum(node + excess, jnp.maximum(node, level(heat=flux)))
-    over_surface = jnp.concatenate(beneath)
+    over_surface = program.in_scene(beneath)
     from_node = jnp.where(over_surface > 0, conductance * over_surface, 0)
     lost = jnp.where(loses, flux + from_node, 0)
     return _SurfaceBounds(
@@ -376,7 +395,7 @@ def _excess_of_nodes(
     """
     network = body.network
     heat = _sums(body, flux)
-    inside = jnp.zeros((), heat.dtype)
+    inside = jnp.zeros(len(body.numbers), heat.dtype)
     if body.sources:
         by_node = jnp.zeros_like(network.diagonal())
         for source in body.sources:
@@ -384,6 +403,8 @@ def _excess_of_nodes(
             volume = source.rise * network.capacity_at(source.address)
             by_node = added(by_node, source.address, strength * volume)
         heat = heat + taken(by_node, body.address)
-        inside = by_node.at[body.address].set(0).max()
+        inside = body.largest_of_nodes(by_node.at[body.address].set(0))
+    if body.members is not None:
+        inside = taken(inside, taken(body.members.of_node, body.address))
     excess = _over(heat, _sums(body, conductance))
     return taken(jnp.where(inside > 0, jnp.inf, excess), body.node)

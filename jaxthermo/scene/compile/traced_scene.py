@@ -134,6 +134,8 @@ class _TracedScene:
     program: Callable[..., list[Array]]
     """Arrays of the compiled scene, from constants and numbers."""
     constants: list[Array]
+    batches: tuple[tuple[int, ...], ...]
+    """Numbers that are one argument of the program, by their positions in a list."""
     outline: Any
     """Structure of the compiled scene as a pytree."""
     leaves: tuple[Any, ...]
@@ -141,7 +143,8 @@ class _TracedScene:
 
     def __call__(self, numbers: list[Float[np.ndarray, "..."]]) -> Compiled:
         """Return the compiled scene with these numbers."""
-        computed = iter(self.program(self.constants, numbers))
+        arguments = _stacked(numbers, self.batches)
+        computed = iter(self.program(self.constants, arguments))
         return self.outline.unflatten(
             [next(computed) if leaf is None else leaf for leaf in self.leaves]
         )
@@ -184,10 +187,15 @@ def _traced(
     outlines: list[Any] = []
     known: list[Any] = []
 
-    def traced(values: list[Array]) -> list[Any]:
+    batches = _batches(scene, numbers)
+    arguments = _stacked(numbers.values, batches)
+
+    def traced(arguments: list[Array]) -> list[Any]:
         leaves = list(scene_leaves)
-        for position, value in zip(numbers.positions, values, strict=True):
-            leaves[position] = value
+        for batch, values in zip(batches, arguments, strict=True):
+            rows = values if len(batch) > 1 else [values]
+            for number, value in zip(batch, rows, strict=True):
+                leaves[numbers.positions[number]] = value
         compiled, outline = jax.tree.flatten(bind(scene_outline.unflatten(leaves)))
         outlines.append(outline)
         computed = [isinstance(leaf, jax.core.Tracer) for leaf in compiled]
@@ -197,7 +205,7 @@ def _traced(
 
     # Arrays of geometry are arguments of the program: as its constants, XLA would keep
     # them twice and take long to compile.
-    closed = jax.make_jaxpr(traced)(numbers.values)
+    closed = jax.make_jaxpr(traced)(arguments)
     jaxpr = closed.jaxpr
 
     def program(constants: list[Array], values: list[Any]) -> list[Any]:
@@ -205,12 +213,38 @@ def _traced(
 
     constants = jax.device_put(closed.consts)
     whole = jax.jit(program, keep_unused=True)
-    lowered = whole.lower(constants, numbers.values)
+    lowered = whole.lower(constants, arguments)
     # Scenes that differ in geometry alone, as by a sun that moved, share a program.
     text = hashlib.sha256(lowered.as_text().encode()).digest()
     return _TracedScene(
         program=found((), by=("program of a scene", text), find=lowered.compile),
         constants=constants,
+        batches=batches,
         outline=outlines[0],
         leaves=tuple(known),
     )
+
+
+def _batches(scene: Scene, numbers: _SceneNumbers) -> tuple[tuple[int, ...], ...]:
+    """Numbers of one shape that the bodies have at the same place, together.
+
+    A program then has as many arguments for many bodies as for a few.
+    """
+    paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(scene)]
+    batches: dict[Hashable, list[int]] = {}
+    for number, position in enumerate(numbers.positions):
+        path = paths[position]
+        shape = numbers.values[number].shape
+        is_of_body = jax.tree_util.keystr(path[:1]) == ".bodies"
+        place = path[2:] if is_of_body else path
+        key = is_of_body, jax.tree_util.keystr(place), shape
+        batches.setdefault(key, []).append(number)
+    return tuple(map(tuple, batches.values()))
+
+
+def _stacked(
+    numbers: list[Float[np.ndarray, "..."]], batches: tuple[tuple[int, ...], ...]
+) -> list[Float[np.ndarray, "..."]]:
+    """Arguments of the program; a number by itself is one as it is."""
+    rows = [[numbers[number] for number in batch] for batch in batches]
+    return [np.stack(row) if row[1:] else row[0] for row in rows]

@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Iterator
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import equinox as eqx
@@ -55,6 +56,11 @@ class FullVolume(AbstractVoxelStructure):
     def runs_as_stencil(self) -> bool:
         """True if a state is a lattice: no request for links, and no weights."""
         return self.stencil and self.kernels is None and self.weights.are_one
+
+    @cached_property
+    def as_links(self) -> "FullVolume":
+        """The same nodes and links without a lattice."""
+        return replace(self, stencil=False) if self.stencil else self
 
     @property
     def sharded(self) -> ShardedLattice | None:

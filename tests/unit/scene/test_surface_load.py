@@ -7,7 +7,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.integrate.heat_rates import add_loads
-from jaxthermo.scene.compile import surface_load as module
+from jaxthermo.scene.compile import surface_cells as module
 from jaxthermo.scene.compile.compile import compile_scene
 
 

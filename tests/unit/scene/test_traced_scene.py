@@ -88,7 +88,9 @@ def test_contact():
 
 
 def _check(scene: jt.Scene) -> None:
-    bind = partial(_bind, starts=(0.0,), end=20.0, duration=20.0, prune=True)
+    bind = partial(
+        _bind, joins=True, starts=(0.0,), end=20.0, duration=20.0, prune=True
+    )
     bound = bind(scene)
     numbers = separate_numbers(scene)
     # Not `compile_scene`, which binds what cannot be traced.

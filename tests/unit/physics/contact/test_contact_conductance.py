@@ -16,8 +16,9 @@ from jaxthermo.physics.contact.links import (
     _gap_factor,
     _series,
 )
-from jaxthermo.physics.contact.search import ContactPairs
+from jaxthermo.physics.contact.search import ContactPairs, Joint
 from jaxthermo.scene.compile.bodies import prepare
+from jaxthermo.scene.compile.groups import BodyGroup
 from tests.bodies import blocks
 
 
@@ -105,7 +106,8 @@ def test_the_order_in_a_series_does_not_matter(p, q, r):
 def test_a_fragments_half_cell_is_shared_by_its_pairs():
     grid = blocks(np.ones((1, 1, 1), bool), 2.0)
     body = jt.Body(jt.FullVolume(grid), METAL, temperature=300.0)
-    side = prepare(0, body, np.float64)._replace(half_cell=np.full(6, 6.0))
+    group = BodyGroup((0,), (body,), body.structure)
+    side = prepare(0, group, np.float64)._replace(half_cell=np.full(6, 6.0))
     covered = np.zeros(6)
     pairs = ContactPairs(
         fragment_a=np.array([0, 1]),
@@ -115,7 +117,8 @@ def test_a_fragments_half_cell_is_shared_by_its_pairs():
         coverage_a=covered,
         coverage_b=covered,
     )
-    links = Contact(1.0).bind(pairs, ends=(side, side), entry=0, size=3)
+    joint = Joint(pairs, entry=0, size=3, name="two bodies")
+    links = Contact(1.0).bind([joint], ends=(side, side))
     for half in (end.half_cell for end in links.ends):
         assert np.asarray(half).tolist() == [1.5, 3.0, 0.0]
 

@@ -108,4 +108,7 @@ def test_what_is_known_is_not_found_again():
     assert find_overlaps(placed, cache)[0, 1] is first[0, 1]
     apart = (placed[0], PlacedGrid(CUBE, Pose((1.0, 0.0, 0.0))))
     assert find_overlaps(apart, cache) == {}
+    assert len(cache) == 1
+    nearer = (placed[0], PlacedGrid(CUBE, Pose((0.04, 0.0, 0.0))))
+    assert find_overlaps(nearer, cache)[0, 1] is not first[0, 1]
     assert len(cache) == 2

@@ -1,0 +1,181 @@
+"""Groups of bodies that conduct as one network.
+
+Bodies of one form are a group: their nodes are numbered through and their materials are
+a table, so that a program has as many operations for many bodies as for a few. A body
+that is alone in its form, or that a stencil conducts faster, is a group by itself.
+"""
+
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Int
+
+from ...network.group_order import GroupOrder, group_order
+from ...structures.joined import JoinedStructure
+from ...structures.kinds.full import FullVolume
+from ...structures.structure import AbstractStructure, AbstractVoxelStructure
+from ...structures.weights import ConductionWeights
+from ..scene import AbstractMaterials, Body, Scene
+
+
+_LEAST_BODIES = 4
+"""Number of bodies of one form that are joined: fewer compile fast one by one."""
+
+_MOST_VOXELS = 4096
+"""Voxels above which a stencil is so much faster than links that it pays by itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyGroup:
+    """Bodies that conduct as one network."""
+
+    numbers: tuple[int, ...]
+    """Numbers of the bodies in the scene."""
+    bodies: tuple[Body, ...]
+    """The bodies, in the form in which they are joined."""
+    structure: AbstractStructure
+    """Nodes of all bodies, one body after the other."""
+
+    @property
+    def is_single(self) -> bool:
+        """True for a body by itself."""
+        return len(self.numbers) == 1
+
+    @cached_property
+    def nodes(self) -> list[slice]:
+        """Nodes of each body among those of the structure."""
+        if isinstance(self.structure, JoinedStructure):
+            return self.structure.node_slices
+        return [slice(0, self.structure.node_count)]
+
+    @cached_property
+    def fragments(self) -> list[slice]:
+        """Fragments of each body among those of the structure."""
+        if isinstance(self.structure, JoinedStructure):
+            return self.structure.fragment_slices
+        return [slice(0, len(self.structure.grid.fragment_area))]
+
+    @cached_property
+    def member_of_node(self) -> Int[np.ndarray, " n"]:
+        """Index of the body of each node in the group."""
+        return _members(self.nodes)
+
+    @cached_property
+    def member_of_fragment(self) -> Int[np.ndarray, " s"]:
+        """Index of the body of each fragment in the group."""
+        return _members(self.fragments)
+
+
+def _members(slices: list[slice]) -> Int[np.ndarray, " _"]:
+    sizes = [entries.stop - entries.start for entries in slices]
+    return np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
+
+
+def fragment_order(
+    groups: tuple[BodyGroup, ...],
+) -> tuple[Int[np.ndarray, " s"], GroupOrder | None]:
+    """Fragment of the scene of each fragment of the groups, and their order."""
+    numbers = [number for group in groups for number in group.numbers]
+    counts = [c.stop - c.start for group in groups for c in group.fragments]
+    return group_order(numbers, counts)
+
+
+def joins_bodies(method: str) -> bool:
+    """True if bodies are joined for a `Method`: implicit ones solve for each body."""
+    return method in ("euler", "stages")
+
+
+def body_groups(scene: Scene, joins: bool) -> tuple[BodyGroup, ...]:
+    """Groups of the bodies of a scene, in its order; each by itself unless it joins."""
+    return tuple(
+        _joined(scene, numbers) if len(numbers) > 1 else _single(scene, numbers[0])
+        for numbers in grouped_numbers(scene, joins)
+    )
+
+
+def grouped_numbers(scene: Scene, joins: bool) -> list[list[int]]:
+    """Numbers of the bodies of each group, in the order of the scene."""
+    if not joins or len(scene.bodies) < _LEAST_BODIES:
+        return [[number] for number in range(len(scene.bodies))]
+    forms: dict[Hashable, list[int]] = {}
+    outlines: dict[int, Hashable] = {}
+    for number, body in enumerate(scene.bodies):
+        form = _form(body)
+        if form is not None:
+            # Most bodies share one map.
+            surface_map = body.surface_map
+            if id(surface_map) not in outlines:
+                leaves, outline = jax.tree.flatten(surface_map)
+                outlines[id(surface_map)] = number if leaves else outline
+            form = form, outlines[id(surface_map)]
+        forms.setdefault(number if form is None else form, []).append(number)
+    groups = []
+    for numbers in forms.values():
+        if len(numbers) >= _LEAST_BODIES:
+            groups.append(numbers)
+        else:
+            groups += [[number] for number in numbers]
+    return sorted(groups)
+
+
+def _single(scene: Scene, number: int) -> BodyGroup:
+    body = scene.bodies[number]
+    return BodyGroup((number,), (body,), body.structure)
+
+
+def _joined(scene: Scene, numbers: list[int]) -> BodyGroup:
+    bodies = tuple(_as_links(scene.bodies[number]) for number in numbers)
+    structure = JoinedStructure.of(tuple(body.structure for body in bodies))
+    return BodyGroup(tuple(numbers), bodies, structure)
+
+
+def _as_links(body: Body) -> Body:
+    structure = as_links(body.structure)
+    return body if structure is body.structure else replace(body, structure=structure)
+
+
+def as_links(structure: AbstractStructure) -> AbstractStructure:
+    """The form of a structure in which it is joined to others."""
+    return structure.as_links if isinstance(structure, FullVolume) else structure
+
+
+def _form(body: Body) -> Hashable | None:
+    """The same value for bodies that may be joined; None for a body by itself."""
+    structure = body.structure
+    is_voxels = isinstance(structure, AbstractVoxelStructure)
+    if not is_voxels or structure.device_count > 1 or not structure.identity:
+        return None
+    if structure.columns() is not None or not _has_no_effect(structure.weights):
+        return None
+    is_full = isinstance(structure, FullVolume)
+    if is_full and (
+        structure.kernels is not None or structure.node_count > _MOST_VOXELS
+    ):
+        return None
+    materials: tuple = (body.material,)
+    if isinstance(body.material, AbstractMaterials):
+        materials = body.material.materials
+    if any(m.varies or isinstance(m.conductivity, tuple) for m in materials):
+        return None
+    return is_full
+
+
+def _has_no_effect(weights: ConductionWeights) -> bool:
+    ones = (
+        weights.within,
+        weights.between,
+        weights.surface,
+        weights.capacity,
+        weights.links,
+        weights.surface_distance,
+    )
+    zeros = weights.nearest_capacity, weights.non_orthogonal
+    return all(_is(value, 1) for value in ones) and all(_is(v, 0) for v in zeros)
+
+
+def _is(value: Any, number: int) -> bool:
+    return isinstance(value, float | int) and value == number
