@@ -60,7 +60,6 @@ ten times the node's temperature."""
 _TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
 """About one rounding of a difference of 100 K, by the type of the state [K]."""
 
-
 _NumberedTerms = tuple[tuple[int, BoundTerm], ...]
 """Bound terms, each with the index of its mechanism's name."""
 
@@ -145,11 +144,10 @@ class SurfaceTerms(Module):
 
     def in_air(self, kelvin: Mapping[int, Float[Array, ""]]) -> "SurfaceTerms":
         """The terms at the present temperatures of bodies of air, by number [K]."""
-
-        def warm(term: BoundTerm) -> BoundTerm:
-            return replace(term, law=term.law.in_air(kelvin))
-
-        return replace(self, natural=_mapped(warm, self.natural))
+        natural = tuple(
+            (n, replace(term, law=term.law.in_air(kelvin))) for n, term in self.natural
+        )
+        return replace(self, natural=natural)
 
     def surface_excess(self, time: Time, theta: PerCell) -> PerCell:
         """Temperature of each cell's surface above its node's [K]."""

@@ -167,7 +167,12 @@ def _omissions(
         if isinstance(body.material, Material):
             name = on("per-node conductivity", index)
             omissions.append(Omission(name, "the material is uniform"))
-    omissions += [Omission(on(names[n], body), why) for n, (why, body) in unheated]
+    airs = bodies_around_air(scene)
+    omissions += [
+        Omission(on(names[n], body), why)
+        for n, (why, body) in unheated
+        if body not in airs
+    ]
     omissions += [Omission(names[n], why) for n, why in snapshot.unpaired]
     # Usual mechanisms that no term of the scene stands for.
     present = {term.name for term in scene.terms}

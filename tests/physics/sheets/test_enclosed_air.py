@@ -9,6 +9,7 @@ import pytest
 import scipy.linalg
 
 import jaxthermo as jt
+from calibrate.problem.parameters import find_path, value_at
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import plan_run
@@ -341,6 +342,15 @@ def test_pictures_files_and_motion_show_the_bodies_that_have_a_surface(tmp_path)
     assert set(np.unique(image.object_id)) == {-1, 0}
     jt.write_vtu(tmp_path / "air.vtu", solution)
     jt.write_glb(tmp_path / "air.glb", solution)
+
+
+def test_its_numbers_can_be_fitted():
+    scene = cabin()
+    for name in ("exchange", "heat_transfer_coefficient", "temperature"):
+        number = value_at(scene, find_path(scene, f"interior_air.{name}"))
+        assert number == getattr(scene.terms[-1], name)
+    volume = value_at(scene, find_path(scene, "bodies.3.structure.air_volume"))
+    assert volume == 0.3
 
 
 def test_the_receipt_and_the_ledger_have_the_air():
