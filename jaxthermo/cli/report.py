@@ -149,7 +149,9 @@ def _structure_lines(report: StructureReport) -> list[str]:
     return lines
 
 
-def log_result(console: Console, solution: Solution, times: dict[str, float]) -> None:
+def log_result(
+    console: Console, scene: Scene, solution: Solution, times: dict[str, float]
+) -> None:
     """Print run times, peak memory, final temperatures and the energy residual."""
     residual = float(np.abs(np.asarray(solution.energy.residual_relative)).max())
     surface = np.asarray(solution.surface_temperature)[-1] - ZERO_CELSIUS
@@ -165,6 +167,9 @@ def log_result(console: Console, solution: Solution, times: dict[str, float]) ->
         f"{float(surface.min()):.1f} to {float(surface.max()):.1f} degC; "
         f"energy residual {residual:.1e}",
     )
+    final = np.asarray(solution.mean_temperature)[-1] - ZERO_CELSIUS
+    for number, around in bodies_around_air(scene).items():
+        print_line(console, f"the air of body {around} is at {final[number]:.1f} degC")
     if solution.run.time_error is not None:
         # The last remark of the receipt is known after the run only.
         steps = f"{solution.run.steps:,} steps"

@@ -248,7 +248,7 @@ def _run_simulation(
         write_json(out / "summary.json", summary)
     for path in checkpoint_files(out / CHECKPOINT):
         path.unlink(missing_ok=True)
-    log_result(console, solution, times)
+    log_result(console, planned.scene, solution, times)
     for line in [] if error is None else error_in_words(error):
         print_line(console, line)
     frame_count = count(frames.count, "frame")
