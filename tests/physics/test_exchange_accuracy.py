@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.sparse import csr_array
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
@@ -159,7 +160,8 @@ def test_the_receipt_has_the_estimate():
     )
     notes = compile_scene(scene).receipt.notes
     (note,) = [note for note in notes if note.startswith("emission")]
-    assert note.startswith("emission: view factors from 32 directions, with an ")
+    assert note.startswith("emission: view factors of 6 patches, whose sampled rows ")
+    assert "from 32 directions, with an " in note
     assert "estimated error of" in note
 
 
@@ -244,7 +246,10 @@ def test_gradients_by_sky_and_ground():
     factor = np.array([[0.0, 0.3], [0.3, 0.0]])
     visible = np.array([[0.9, 0.5], [0.4, 1.0]])
     views = ViewFactors(
-        area=area, between=factor, outside=area - factor.sum(1), visible=visible
+        area=area,
+        between=csr_array(factor),
+        outside=area - factor.sum(1),
+        visible=visible,
     )
 
     def heat(temperatures):

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.sparse import csr_array
 
 from jaxthermo.arrays import is_traced
 from jaxthermo.constants import STEFAN_BOLTZMANN
@@ -29,7 +30,7 @@ def flux_of(exchange, emissivity, theta):
 def of_patches(factor, area, emissivity, surroundings=300.0):
     """Surfaces of one fragment each, with temperatures counted from 300 K."""
     outside = area * (1 - factor.sum(1))
-    views = ViewFactors(area, area[:, None] * factor, outside)
+    views = ViewFactors(area, csr_array(area[:, None] * factor), outside)
     return _enclosure(
         views,
         patch=np.arange(len(area)),

@@ -23,6 +23,12 @@ from ...voxels.lattice import Lattice
 # Sides that a fragment may face: up or down its dominant axis.
 _SIDES = 6
 
+# Number of patches of all bodies, over the largest one of a body.
+_SHARED = 10
+
+# Lines across a patch of mean area.
+_LINES_ACROSS_PATCH = 2.0
+
 # Distance below the surface at which its voxel is looked up, in voxels.
 _INWARD = 0.25
 
@@ -91,35 +97,29 @@ class _Patches:
         enclosed_rooms = self.room[self.is_enclosed & (self.room > 0)]
         return np.isin(self.code // self.cells.period, enclosed_rooms)
 
-    def patch_of(
-        self,
-        points: Float[np.ndarray, "n 3"],
-        normals: Float[np.ndarray, "n 3"],
-        space: Int[np.ndarray, " n"] | None = None,
+    def nearest(
+        self, points: Float[np.ndarray, "n 3"], code: Int[np.ndarray, " n"]
     ) -> Int[np.ndarray, " n"]:
-        """Patch of each point on the surface; the nearest in a cell without patches.
+        """Nearest patch of points in cells without patches, in the body's frame.
 
-        `space` is the number of the space that each point faces; None if all points
-        face outward.
+        Patches of the same room take precedence over those of other rooms, and in a
+        room those of the same side.
         """
-        rooms = np.zeros(len(points), int) if space is None else self.room[space]
-        code = self.cells.codes(points, normals, rooms)
-        slot = np.minimum(np.searchsorted(self.code, code), self.count - 1)
-        missing = np.flatnonzero(self.code[slot] != code)
-        if len(missing):
-            unknown, first, inverse = np.unique(
-                code[missing], return_index=True, return_inverse=True
-            )
-            gap = points[missing[first], None] - self.centre
-            far = np.einsum("upi,upi->up", gap, gap)
-            # Patches of the same room take precedence over those of other rooms, and
-            # in a room those of the same side.
-            apart = 1 + far.max()
-            period = self.cells.period
-            far += (unknown[:, None] % _SIDES != self.code % _SIDES) * apart
-            far += (unknown[:, None] // period != self.code // period) * (2 * apart)
-            slot[missing] = far.argmin(1)[inverse.reshape(-1)]
-        return slot
+        apart = 1.0 + float(np.linalg.norm(np.ptp(self.centre, axis=0)))
+
+        # In further dimensions sides and rooms are farther apart than any two patches.
+        def placed(at: np.ndarray, code: np.ndarray) -> np.ndarray:
+            side = np.eye(_SIDES)[code % _SIDES]
+            room = code // self.cells.period
+            return np.column_stack([at, apart * side, 2 * apart * room])
+
+        tree = found(
+            (self.code,),
+            "patches by side and room",
+            lambda: KDTree(placed(self.centre, self.code)),
+        )
+        _, patch = tree.query(placed(points, code))
+        return np.asarray(patch)
 
 
 class ThinWall(NamedTuple):
@@ -179,6 +179,15 @@ class PatchedBody(NamedTuple):
     wall: ThinWall | None = None
     """Pieces of a thin wall; None for a solid."""
 
+    def line_spacing(self, lines: int | None) -> float:
+        """Distance between lines that sample its view factors [m].
+
+        `lines` of them are across the body; None for two across a patch.
+        """
+        if lines is not None:
+            return float(np.ptp(self.vertices, axis=0).max()) / lines
+        return float(np.sqrt(self.patches.area.mean())) / _LINES_ACROSS_PATCH
+
     @classmethod
     def of_grid(
         cls, grid: AbstractGrid, patches: _Patches, pose: Pose
@@ -201,6 +210,153 @@ class PatchedBody(NamedTuple):
             pose=pose,
             wall=wall,
         )
+
+
+class SolidPatches(NamedTuple):
+    """Patches of all solids of a scene, for points on any of them."""
+
+    bodies: tuple[PatchedBody, ...]
+    """All bodies of the scene."""
+    first: Int[np.ndarray, " b"]
+    """First patch of each body."""
+    normal: Float[np.ndarray, "f 3"]
+    """Normal of each face of all bodies, world."""
+    to_cells: Float[np.ndarray, "b 3 3"]
+    """From positions [m] to cells of each body, transposed."""
+    shift: Float[np.ndarray, "f 3"]
+    """Cell of the world's origin, by the faces of all bodies."""
+    top: Float[np.ndarray, "b 3"]
+    """Cell of the last voxel of each body."""
+    stride: Float[np.ndarray, "b 3"]
+    """Difference between the codes of neighbouring cells of each body."""
+    period: Int[np.ndarray, " b"]
+    """Difference between the codes of one room and those of the next."""
+    base: Int[np.ndarray, " f"]
+    """Smallest code of each face."""
+    lowest: Int[np.ndarray, " b"]
+    """Smallest code of each body."""
+    by_code: "_PatchesByCode"
+
+    @classmethod
+    def of_bodies(
+        cls, bodies: tuple[PatchedBody, ...], normal: Float[np.ndarray, "f 3"]
+    ) -> "SolidPatches":
+        """Patches of bodies, whose faces have these normals in the world."""
+        first = np.cumsum([0, *(body.patches.count for body in bodies[:-1])])
+        base = []
+        shift = []
+        codes = [np.empty(0, int)]
+        numbers = [np.empty(0, int)]
+        lowest_codes = []
+        faces = np.cumsum([0, *(len(body.faces) for body in bodies)])
+        lowest = 0
+        to_cells = [_to_cells(body) for body in bodies]
+        for n, body in enumerate(bodies):
+            local = body.pose.rotate_back(normal[faces[n] : faces[n + 1]])
+            rows = np.arange(len(local))
+            axis = np.abs(local).argmax(1)
+            ahead = local[rows, axis] > 0
+            base.append(lowest + 2 * axis + ahead)
+            cells = body.patches.cells
+            origin = body.pose.to_world(np.asarray(cells.lattice.origin, float))
+            at = np.tile(-(origin @ to_cells[n]), (len(local), 1))
+            # A face between two voxels belongs to the inner one.
+            at[rows, axis] -= np.where(ahead, _INWARD, -_INWARD) / cells.voxels
+            shift.append(at)
+            lowest_codes.append(lowest)
+            if body.wall is None:
+                codes.append(body.patches.code + lowest)
+                numbers.append(first[n] + np.arange(body.patches.count))
+                lowest += cells.period * (int(body.patches.room.max(initial=0)) + 1)
+        grids = [body.patches.cells for body in bodies]
+        counts = np.array([_counts(grid) for grid in grids], float)
+        shapes = np.array([grid.lattice.shape for grid in grids])
+        voxels = np.array([grid.voxels for grid in grids])
+        z = counts[:, 2]
+        return cls(
+            bodies=bodies,
+            first=first,
+            normal=normal,
+            to_cells=np.array(to_cells),
+            shift=np.concatenate(shift),
+            top=(shapes - 0.5) / voxels[:, None],
+            stride=_SIDES * np.stack([counts[:, 1] * z, z, np.ones_like(z)], axis=1),
+            period=np.array([grid.period for grid in grids]),
+            base=np.concatenate(base),
+            lowest=np.array(lowest_codes),
+            by_code=_PatchesByCode(np.concatenate(codes), np.concatenate(numbers)),
+        )
+
+    def at(
+        self,
+        points: Float[np.ndarray, "n 3"],
+        face: Int[np.ndarray, " n"],
+        space: Int[np.ndarray, " n"],
+        body: Int[np.ndarray, " n"],
+    ) -> Int[np.ndarray, " n"]:
+        """Number of the patch of points on faces of solids, world [m].
+
+        `space` is the number of the space of its body that each point faces.
+        """
+        at = np.einsum("ki,kij->kj", points, self.to_cells[body]) + self.shift[face]
+        cell = np.floor(np.clip(at, 0, self.top[body]))
+        code = np.einsum("ki,ki->k", cell, self.stride[body]).astype(int)
+        code += self.base[face]
+        enclosed = np.flatnonzero(space)
+        for within in np.unique(body[enclosed]):
+            inside = enclosed[body[enclosed] == within]
+            room = self.bodies[within].patches.room[space[inside]]
+            code[inside] += self.period[within] * room
+        missing = self.by_code.missing(code)
+        unknown, first = np.unique(code[missing], return_index=True)
+        first = missing[first]
+        for within in np.unique(body[first]):
+            lost = body[first] == within
+            patched = self.bodies[within]
+            codes = unknown[lost]
+            nearest = patched.patches.nearest(
+                patched.pose.to_body(points[first[lost]]), codes - self.lowest[within]
+            )
+            self.by_code.add(codes, self.first[within] + nearest)
+        return self.by_code.patches(code)
+
+
+class _PatchesByCode:
+    """Patch of each code; codes without a patch of their own are added when met."""
+
+    def __init__(self, code: Int[np.ndarray, " p"], patch: Int[np.ndarray, " p"]):
+        self._code = code
+        self._patch = patch
+
+    def _slot(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        return np.minimum(np.searchsorted(self._code, code), len(self._code) - 1)
+
+    def missing(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
+        """Indices of the codes that have no patch."""
+        return np.flatnonzero(self._code[self._slot(code)] != code)
+
+    def patches(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Patch of each code."""
+        return self._patch[self._slot(code)]
+
+    def add(self, code: Int[np.ndarray, " m"], patch: Int[np.ndarray, " m"]) -> None:
+        """Add codes with their patches."""
+        code = np.append(self._code, code)
+        order = np.argsort(code, kind="stable")
+        self._code = code[order]
+        self._patch = np.append(self._patch, patch)[order]
+
+
+def _to_cells(body: PatchedBody) -> Float[np.ndarray, "3 3"]:
+    """Matrix from the right of positions to units of cells of a body [1/m]."""
+    cells = body.patches.cells
+    edge = cells.lattice.pitch * cells.voxels
+    return np.asarray(body.pose.rotation, float) / edge
+
+
+def _counts(cells: _Cells) -> list[int]:
+    """Number of cells along each axis."""
+    return [n // cells.voxels + 1 for n in cells.lattice.shape]
 
 
 def group_patches(
@@ -252,6 +408,18 @@ def group_patches(
         room=room,
         is_enclosed=np.arange(len(room)) >= sides,
     )
+
+
+def shares_of_patches(
+    area: Float[np.ndarray, " b"], max_patches: int
+) -> Int[np.ndarray, " b"]:
+    """Largest number of patches of each body, from its area [m^2].
+
+    All bodies have at most `_SHARED` times the largest number, shared by area, and each
+    at least one for every side.
+    """
+    share = _SHARED * max_patches * area / area.sum()
+    return np.clip(share.astype(int), _SIDES, max(max_patches, _SIDES))
 
 
 def _rooms(area: Float[np.ndarray, " c"], max_patches: int) -> Int[np.ndarray, " c"]:

@@ -5,8 +5,8 @@ It replaces `Surroundings` where bodies, or parts of one, see each other:
     q = eps (H - E),    J = eps E + (1 - eps) H,    H = F J + F_s E_s,
 
 with the emissive power E = sigma T^4, the radiosity J and the irradiation H of each
-patch. H = K E + k_s E_s is solved once, before the run; the rows of K and k_s add up to
-1, as they do with a third factor for a ground. Every fragment receives the irradiation
+patch. H = K E + k_s E_s, where the rows of K and k_s add up to 1, as they do with a
+third factor for a ground; see `transfer`. Every fragment receives the irradiation
 of its patch and emits at its own temperature. Each step first finds the surface
 temperatures for the irradiation of surfaces at node temperature, then exchanges the
 radiation of surfaces at these temperatures, which conserves heat. Source: Hottel and
@@ -29,7 +29,6 @@ from ...arrays import (
     device_array,
     is_traced,
     namespace,
-    product,
     taken,
 )
 from ...constants import STEFAN_BOLTZMANN
@@ -48,7 +47,8 @@ from .emission import (
     net_emission,
 )
 from .irradiation import Irradiation
-from .patches import PatchedBody, group_patches
+from .patches import PatchedBody, group_patches, shares_of_patches
+from .transfer import AbstractTransfer, transfer
 from .view_factors import (
     DEFAULT_MAX_DIRECTIONS,
     MIN_DIRECTIONS,
@@ -103,8 +103,9 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
     J = eps sigma T^4 + (1 - eps) H
 
     The surface of each body is divided into patches, each with one irradiation H; the
-    view factors F account for all obstacles. They are sampled in more and more
-    directions until an estimate of their error holds; it is in the receipt. Source:
+    view factors F account for all obstacles. They are sampled by lines in more and
+    more directions, which all bodies share, until an estimate of their error holds; it
+    is in the receipt. Source:
     Hottel and Sarofim, Radiative Transfer (1967).
 
     Raises:
@@ -119,7 +120,8 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
     ground: TimeVarying | None = None
     """Temperature below the horizon [K], a number or a function of time."""
     max_patches: int = eqx.field(static=True, default=128)
-    """Largest number of patches of a body."""
+    """Largest number of patches of a body. All bodies together share ten times as many
+    by their areas, with one for each side at least."""
     directions: int | None = eqx.field(static=True, default=None)
     """Number of directions in which view factors are sampled; None for the number
     that `error` requires."""
@@ -196,8 +198,11 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
         patched = []
         numbers = []
         first = 0
-        for body, area in zip(bodies, areas, strict=True):
-            patches = group_patches(body.grid, area=area, max_patches=self.max_patches)
+        shares = shares_of_patches(
+            np.array([area.sum() for area in areas]), self.max_patches
+        )
+        for body, area, share in zip(bodies, areas, shares, strict=True):
+            patches = group_patches(body.grid, area=area, max_patches=int(share))
             patched.append(PatchedBody.of_grid(body.grid, patches, body.pose))
             numbers.append(patches.patch + first)
             first += patches.count
@@ -208,6 +213,7 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
         else:
             views = view_factors(tuple(patched), self.directions)
             sampling = Sampling(self.directions, error=np.nan, limit=self.error)
+            sampling = sampling.of(views)
         return _SampledViews(views, sampling=sampling, patch=np.concatenate(numbers))
 
 
@@ -232,8 +238,8 @@ class Enclosure(Module):
     """Patch of each cell, bodies concatenated."""
     weight: Float[Array, " s"]
     """Fraction of its patch's emission by each cell at one temperature [-]."""
-    transfer: Float[Array, "p p"]
-    """K [-]: irradiation of each patch for a unit of emissive power of another."""
+    transfer: AbstractTransfer
+    """Irradiation of each patch for the emission of all."""
     from_surroundings: Float[Array, " p"]
     """k_s [-]: of the surroundings, or of the sky alone if there is a ground."""
     from_ground: Float[Array, " p"] | None
@@ -265,7 +271,7 @@ class Enclosure(Module):
         # The emission of a patch is the sum over its cells, so that no heat is lost.
         count = len(self.from_surroundings)
         by_patch = jax.ops.segment_sum(self.weight * emitted, self.patch, count)
-        heat = product(self.transfer, by_patch) + self.from_surroundings * around
+        heat = self.transfer.irradiation(by_patch) + self.from_surroundings * around
         if self.from_ground is not None:
             below = self._emitted(value_at(self.ground, time) - self.base)
             heat = heat + self.from_ground * below
@@ -288,7 +294,7 @@ class Enclosure(Module):
         self, cell: Int[np.ndarray, " s"], counts: tuple[int, ...]
     ) -> "Enclosure":
         """Exchange on cells that each combine fragments of one patch, -1 for none."""
-        # The patches remain, and with them the matrix K; only the weights are summed.
+        # The patches remain, and with them their exchange; only the weights are summed.
         cells = sum(counts)
         fragments = np.flatnonzero(cell >= 0)
         target = cell[fragments]
@@ -326,8 +332,7 @@ def _enclosure(
 
     With a ground, `upward` is the vertical component of the fragments' normals.
     """
-    # Gradients pass through the emissivities; without tracing the system is solved on
-    # the host, in double precision.
+    # Gradients pass through the emissivities.
     traced = is_traced(emissivity)
     xp = namespace(emissivity)
     dtype = emissivity.dtype if traced else float
@@ -340,27 +345,19 @@ def _enclosure(
     else:
         grey = np.bincount(patch, emitting, count)
     mean = xp.asarray(grey / xp.asarray(views.area, dtype), dtype)
-    factor = xp.asarray(views.factor, dtype)
-    reflection = xp.eye(count, dtype=dtype) - factor * (1 - mean)[None]
-    around = xp.asarray(views.to_surroundings, dtype)[:, None]
+    around = views.to_surroundings[:, None]
     if upward is not None:
-        halves = _halves(views, patch=patch, area=area, upward=upward)
-        around = around * xp.asarray(halves, dtype).T
-    sources = xp.concatenate([factor * mean[None], around], axis=1)
-    solved = xp.linalg.solve(reflection, sources)
-
-    def output(values: Any) -> Float[Array, "..."]:
-        return device_array(values, emissivity.dtype)
-
+        around = around * _halves(views, patch=patch, area=area, upward=upward).T
+    exchanged = transfer(views, emissivity=mean, around=around, dtype=emissivity.dtype)
     # Cells are built from it on the host, also while the emissivity is traced.
     with jax.ensure_compile_time_eval():
         host_patch = device_array(patch, jnp.int32)
     return Enclosure(
         patch=host_patch,
-        weight=output(emitting / grey[patch]),
-        transfer=output(solved[:, :count]),
-        from_surroundings=output(solved[:, count]),
-        from_ground=None if upward is None else output(solved[:, count + 1]),
+        weight=device_array(emitting / grey[patch], emissivity.dtype),
+        transfer=exchanged.between,
+        from_surroundings=exchanged.around[:, 0],
+        from_ground=None if upward is None else exchanged.around[:, 1],
         ground=ground,
         **temperatures,
     )

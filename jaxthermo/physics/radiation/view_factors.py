@@ -1,41 +1,50 @@
 """View factors between patches of several bodies, from global lines.
 
-The sampled areas A_i F_ij are scaled to the true areas of the patches. Pairs of bodies
-that are apart have samples of their own.
+The sampled areas A_i F_ij are a sparse matrix, scaled to the true areas of the patches:
+memory and time grow with the number of lines.
 
 The number of directions is given, or follows from an error estimate: it is doubled
 until the estimate is small enough. Each new Fibonacci spiral covers all directions;
 half of its difference from the coarser ones remains as an error in the mean of both.
-The error is that of the exchange between the sides of bodies, six on each, and with the
-surroundings. Single patches are less accurate than their sums.
+The error is that of the exchange between bodies and with the surroundings, summed over
+their sides, six on each. Single patches are less accurate than their sums. All
+bodies share the lines until few pairs of bodies that are apart need more; these have
+lines of their own.
 """
 
 from collections.abc import Callable
+from itertools import combinations
 from typing import Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
 from jaxtyping import Float
+from scipy.sparse import csr_array, diags_array
 
 from ...errors import InputError
+from ...host_memory import require_memory
 from ...memo.stored import stored_search
 from .global_lines import (
     LineSums,
     PairCone,
-    pair_cones,
+    pair_cone,
     sample_all_directions,
     sample_pair,
 )
+from .line_hits import LineScene
 from .patches import PatchedBody
 
 
 DEFAULT_DIRECTIONS = 128
 """Directions of the whole scene, and also of the cone between each pair of bodies."""
 
-_DEFAULT_LINES = 64
-"""Lines across the largest extent of the scene, or of the smaller body of a pair."""
-
 _MAX_SCALINGS = 200
+
+# Pairs of bodies with lines of their own: with more of them, all share more lines.
+_MAX_CONES = 8
+
+# Memory for each pair of patches that see each other, while sums are merged [bytes].
+_BYTES_PER_PAIR = 64
 
 
 class ViewFactors(NamedTuple):
@@ -43,17 +52,20 @@ class ViewFactors(NamedTuple):
 
     area: Float[np.ndarray, " p"]
     """Area of each patch [m^2]."""
-    between: Float[np.ndarray, "p p"]
+    between: csr_array
     """A_i F_ij, symmetric [m^2]."""
     outside: Float[np.ndarray, " p"]
     """A_i F_i,surroundings [m^2]."""
     visible: Float[np.ndarray, "2 p"] | None = None
     """Fraction of the sky and of the ground that each patch sees [-]; None for all."""
+    sampled: Float[np.ndarray, " p"] | None = None
+    """Sum of the row of each patch as sampled, before it was scaled to 1 [-]; None if
+    nothing was sampled."""
 
     @property
-    def factor(self) -> Float[np.ndarray, "p p"]:
+    def factor(self) -> csr_array:
         """View factor F_ij [-]: fraction of emission of patch i that hits patch j."""
-        return self.between / self.area[:, None]
+        return csr_array(diags_array(1 / self.area) @ self.between)
 
     @property
     def to_surroundings(self) -> Float[np.ndarray, " p"]:
@@ -65,65 +77,88 @@ class ViewFactors(NamedTuple):
 def view_factors(
     bodies: tuple[PatchedBody, ...],
     directions: int = DEFAULT_DIRECTIONS,
-    lines: int = _DEFAULT_LINES,
+    lines: int | None = None,
 ) -> ViewFactors:
     """View factors between the patches of any number of bodies of any shape.
 
-    `directions` views of the scene, and of each pair of bodies, have `lines` lines
-    across the largest extent of the scene or the smaller body. All bodies are
-    obstacles.
+    `directions` views of the scene, and of each pair of bodies that are apart if these
+    are few, have `lines` lines across each body, or two across a patch if it is None.
+    All bodies are obstacles.
 
     Raises:
-        InputError: for fewer than 8 directions or lines.
+        InputError: for fewer than 8 directions or lines, or too little memory.
     """
-    if directions < 8 or lines < 8:
+    if directions < 8 or (lines is not None and lines < 8):
         raise InputError(
             f"view factors: directions={directions}, lines={lines}; "
             "give 8 or more of both"
         )
-    factors = _exchange_areas(bodies, sample_all_directions(bodies, directions, lines))
-    for cone in pair_cones(bodies):
-        seen = sample_pair(bodies, cone=cone, directions=directions, lines=lines)
-        factors = _with_pair(factors, seen=seen, bodies=bodies, pair=cone.pair)
-    return factors
+    _check_memory(bodies, directions)
+    scene = LineScene.of_bodies(bodies)
+    sums = sample_all_directions(scene, directions, lines)
+    pairs = list(combinations(range(len(bodies)), 2))
+    cones = []
+    if len(pairs) <= _MAX_CONES:
+        cones = [pair_cone(bodies, pair) for pair in pairs]
+    seen = {
+        cone.pair: sample_pair(scene, cone=cone, directions=directions, lines=lines)
+        for cone in cones
+        if cone is not None
+    }
+    return _with_pairs(_exchange_areas(bodies, sums), seen=seen, bodies=bodies)
+
+
+def _check_memory(bodies: tuple[PatchedBody, ...], directions: int) -> None:
+    """Refuse view factors that do not fit into memory, before the first line."""
+    count = sum(body.patches.count for body in bodies)
+    # A convex patch has about two lines in each pair of opposite directions.
+    pairs = min(count**2, 2 * count * directions)
+    require_memory(
+        _BYTES_PER_PAIR * pairs,
+        f"view factors of {count} patches",
+        "give fewer `max_patches` or `directions`",
+    )
 
 
 def _exchange_areas(bodies: tuple[PatchedBody, ...], lines: LineSums) -> ViewFactors:
     """View factors from the lines in all directions."""
     area = np.concatenate([body.patches.area for body in bodies])
-    pairs, sky, ground = lines
-    between = pairs + pairs.T
+    between = lines.pairs + lines.pairs.T
+    outside = lines.sky + lines.ground
+    sampled = (between.sum(1) + outside) / area
     # A patch in a closed cavity that no line has hit exchanges nothing.
     enclosed = np.concatenate([body.patches.enclosed for body in bodies])
-    alone = np.flatnonzero(enclosed & (between.sum(1) == 0))
-    between[alone, alone] = area[alone]
-    balanced = _balance(between, sky + ground, area)
-    return balanced._replace(visible=lines.visible)
+    is_alone = enclosed & (between.sum(1) == 0)
+    balanced = _balance(between + diags_array(area * is_alone), outside, area)
+    return balanced._replace(visible=lines.visible, sampled=sampled)
 
 
-def _with_pair(
+def _with_pairs(
     factors: ViewFactors,
-    seen: Float[np.ndarray, "p p"],
+    seen: dict[tuple[int, int], csr_array],
     bodies: tuple[PatchedBody, ...],
-    pair: tuple[int, int],
 ) -> ViewFactors:
-    """View factors with the areas A_i F_ij of one pair of bodies replaced by `seen`."""
+    """View factors with the areas A_i F_ij of some pairs of bodies replaced."""
+    if not seen:
+        return factors
     counts = [body.patches.count for body in bodies]
     number = np.repeat(np.arange(len(bodies)), counts)
-    a = number == pair[0]
-    b = number == pair[1]
-    is_pair = (a[:, None] & b) | (b[:, None] & a)
-    between = np.where(is_pair, seen, factors.between)
+    shared = factors.between.tocoo()
+    row, column = (number[ends] for ends in shared.coords)
+    code = np.minimum(row, column) * len(bodies) + np.maximum(row, column)
+    replaced = [first * len(bodies) + second for first, second in seen]
+    values = np.where(np.isin(code, replaced), 0.0, shared.data)
+    between = csr_array((values, shared.coords), shape=shared.shape)
+    for pair in seen.values():
+        between = between + pair
     # The surroundings take the difference, so that the sums of the rows do not change.
-    outside = factors.outside + (factors.between - between).sum(1)
+    outside = factors.outside + factors.between.sum(1) - between.sum(1)
     balanced = _balance(between, np.maximum(outside, 0.0), factors.area)
-    return balanced._replace(visible=factors.visible)
+    return balanced._replace(visible=factors.visible, sampled=factors.sampled)
 
 
 def _balance(
-    between: Float[np.ndarray, "p p"],
-    outside: Float[np.ndarray, " p"],
-    area: Float[np.ndarray, " p"],
+    between: csr_array, outside: Float[np.ndarray, " p"], area: Float[np.ndarray, " p"]
 ) -> ViewFactors:
     """View factors from sampled areas A_i F_ij, scaled to the patches [m^2]."""
     # The scaling A_i F_ij -> d_i A_i F_ij d_j is symmetric: an F_ij of zero stays zero,
@@ -135,13 +170,20 @@ def _balance(
     for _ in range(_MAX_SCALINGS):
         row = scale * (between @ scale + outside)
         # The square root keeps the two ends of a pair from overcorrecting each other.
-        scale = scale * np.sqrt(area / row)
+        scale = scale * np.sqrt(
+            np.divide(area, row, out=np.ones_like(row), where=row > 0)
+        )
         if np.abs(row - area).max() <= 1e-13 * area.max():
             break
-    between = between * np.outer(scale, scale)
+    pairs = between.tocoo()
+    first, second = pairs.coords
+    values = pairs.data * (scale[first] * scale[second])
+    scaled = csr_array((values, pairs.coords), shape=pairs.shape)
     outside = scale * outside
-    between[np.diag_indices(len(area))] += area - between.sum(1) - outside
-    return ViewFactors(area=area, between=between, outside=outside)
+    own = area - scaled.sum(1) - outside
+    return ViewFactors(
+        area=area, between=csr_array(scaled + diags_array(own)), outside=outside
+    )
 
 
 MIN_DIRECTIONS = 128
@@ -176,11 +218,21 @@ class Sampling(NamedTuple):
     directions was prescribed."""
     limit: float
     """Largest error that the user allows [-]."""
+    patches: int = 0
+    """Number of patches of all bodies."""
+    row_error: float = 0.0
+    """Root of the mean square of the sums of rows as sampled, less 1 [-]."""
 
     @property
     def note(self) -> str:
         """Remark for the receipt."""
         factors = f"view factors from {self.directions} directions"
+        if self.patches:
+            factors = (
+                f"view factors of {self.patches} patches, whose sampled rows add up to "
+                f"1 within {100 * self.row_error:.2g} % and are scaled to 1, from "
+                f"{self.directions} directions"
+            )
         if np.isnan(self.error):
             return f"{factors}, as given; their error is not estimated"
         estimate = f"{factors}, with an estimated error of {100 * self.error:.2g} %"
@@ -191,31 +243,46 @@ class Sampling(NamedTuple):
             "give more `max_directions`"
         )
 
+    def of(self, views: ViewFactors) -> "Sampling":
+        """The same with the sums of the rows of view factors."""
+        sampled = np.ones(len(views.area)) if views.sampled is None else views.sampled
+        square = np.average((sampled - 1) ** 2, weights=views.area)
+        return self._replace(patches=len(views.area), row_error=float(np.sqrt(square)))
+
 
 @stored_search("refined_view_factors", (ViewFactors, Sampling))
 def refined_view_factors(
     bodies: tuple[PatchedBody, ...],
     error: float,
     max_directions: int = DEFAULT_MAX_DIRECTIONS,
-    lines: int = _DEFAULT_LINES,
+    lines: int | None = None,
 ) -> tuple[ViewFactors, Sampling]:
-    """View factors with an estimated relative error of at most `error`, if possible."""
-    cones = pair_cones(bodies)
-    apart = {cone.pair for cone in cones}
+    """View factors with an estimated relative error of at most `error`, if possible.
+
+    Raises:
+        InputError: for too little memory.
+    """
+    cones = _Cones(bodies)
+    line_scene = LineScene.of_bodies(bodies)
+
+    def shared(count: int) -> LineSums:
+        _check_memory(bodies, count)
+        return sample_all_directions(line_scene, count, lines)
+
     scene = _refine(
-        lambda count: sample_all_directions(bodies, count, lines),
-        difference=lambda coarse, fine: _difference(
-            bodies, coarse=coarse, fine=fine, apart=apart
+        shared,
+        difference=lambda coarse, fine: cones.unresolved(
+            _differences(bodies, coarse=coarse, fine=fine), 2 * error
         ),
         error=error,
         max_directions=max_directions,
     )
-    factors = _exchange_areas(bodies, scene.mean)
     refined = [scene]
-    for cone in cones:
+    seen = {}
+    for cone in cones.chosen:
         pair = _refine(
             lambda count, cone=cone: sample_pair(
-                bodies, cone=cone, directions=count, lines=lines
+                line_scene, cone=cone, directions=count, lines=lines
             ),
             difference=lambda coarse, fine, cone=cone: _pair_difference(
                 bodies, coarse=coarse, fine=fine, cone=cone
@@ -223,14 +290,16 @@ def refined_view_factors(
             error=error,
             max_directions=max_directions,
         )
-        factors = _with_pair(factors, seen=pair.mean, bodies=bodies, pair=cone.pair)
+        seen[cone.pair] = pair.mean
         refined.append(pair)
+    factors = _exchange_areas(bodies, scene.mean)
+    factors = _with_pairs(factors, seen=seen, bodies=bodies)
     sampling = Sampling(
         directions=max(sample.directions for sample in refined),
         error=max(sample.error for sample in refined),
         limit=error,
     )
-    return factors, sampling
+    return factors, sampling.of(factors)
 
 
 class _Refined(NamedTuple):
@@ -267,59 +336,88 @@ def _refine(
     return _Refined(mean, directions=count, error=estimate)
 
 
-def _by_side(bodies: tuple[PatchedBody, ...]) -> Float[np.ndarray, "g p"]:
+class _Difference(NamedTuple):
+    """Relative difference of two samples of an exchange [-]."""
+
+    value: float
+    bodies: tuple[int, int]
+    """Twice the same one for what a body exchanges within and with the surroundings."""
+
+
+class _Cones:
+    """Cones of the pairs of bodies that need lines of their own."""
+
+    def __init__(self, bodies: tuple[PatchedBody, ...]):
+        self._bodies = bodies
+        self.chosen: list[PairCone] = []
+
+    def unresolved(self, differences: list[_Difference], limit: float) -> float:
+        """Choose cones for the largest differences; return the largest of the others.
+
+        Differences descend; none below the limit has a cone.
+        """
+        self.chosen = []
+        for value, pair in differences:
+            cone = None
+            is_large = value > limit and len(self.chosen) < _MAX_CONES
+            if is_large and pair[0] != pair[1]:
+                cone = pair_cone(self._bodies, pair)
+            if cone is None:
+                return value
+            self.chosen.append(cone)
+        return 0.0
+
+
+def _by_side(bodies: tuple[PatchedBody, ...]) -> csr_array:
     """1 for the patches on each side of each body, else 0."""
     side = [_SIDES * n + b.patches.code % _SIDES for n, b in enumerate(bodies)]
-    return np.equal.outer(np.arange(_SIDES * len(bodies)), np.concatenate(side)) * 1.0
+    row = np.concatenate(side)
+    shape = (_SIDES * len(bodies), len(row))
+    return csr_array((np.ones(len(row)), (row, np.arange(len(row)))), shape=shape)
 
 
-def _difference(
-    bodies: tuple[PatchedBody, ...],
-    coarse: LineSums,
-    fine: LineSums,
-    apart: set[tuple[int, int]],
-) -> float:
-    """Largest relative difference of the exchange of two bodies, or within one [-].
-
-    Pairs that are `apart` are left out: they have samples of their own.
-    """
+def _of_sides(bodies: tuple[PatchedBody, ...], lines: LineSums) -> ViewFactors:
+    """View factors of the sides of bodies, of six patches each."""
     sides = _by_side(bodies)
+    area = sides @ np.concatenate([body.patches.area for body in bodies])
+    pairs = csr_array(sides @ (lines.pairs + lines.pairs.T) @ sides.T)
+    return _balance(pairs, sides @ (lines.sky + lines.ground), area)
+
+
+def _differences(
+    bodies: tuple[PatchedBody, ...], coarse: LineSums, fine: LineSums
+) -> list[_Difference]:
+    """Relative differences of the exchange of bodies, the largest first."""
     count = len(bodies)
     area = np.array([body.patches.area.sum() for body in bodies])
-    a = _exchange_areas(bodies, coarse)
-    b = _exchange_areas(bodies, fine)
-
+    a = _of_sides(bodies, coarse)
+    b = _of_sides(bodies, fine)
+    side = np.arange(_SIDES * count)
+    shape = (count, len(side))
     # Sums over the sides of each body, or of both bodies of a pair.
-    def over_sides(values: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-        if values.ndim == 1:
-            return values.reshape(count, _SIDES).sum(1)
-        return values.reshape(count, _SIDES, count, _SIDES).sum((1, 3))
-
-    def relative(
-        first: Float[np.ndarray, "..."],
-        second: Float[np.ndarray, "..."],
-        reference_area: Float[np.ndarray, "..."],
-    ) -> Float[np.ndarray, "..."]:
-        exchanged = over_sides(first + second) / 2
-        smallest = _SMALL_VIEW_FACTOR * reference_area
-        return over_sides(np.abs(first - second)) / np.maximum(exchanged, smallest)
-
-    between = relative(
-        sides @ a.between @ sides.T,
-        sides @ b.between @ sides.T,
-        np.minimum.outer(area, area),
+    of_body = csr_array((np.ones(len(side)), (side // _SIDES, side)), shape=shape)
+    change = csr_array(of_body @ abs(a.between - b.between) @ of_body.T).tocoo()
+    exchanged = csr_array(of_body @ (a.between + b.between) @ of_body.T / 2)
+    first, second = change.coords
+    smallest = _SMALL_VIEW_FACTOR * np.minimum(area[first], area[second])
+    between = change.data / np.maximum(exchanged[first, second], smallest)
+    outside = (of_body @ np.abs(a.outside - b.outside)) / np.maximum(
+        of_body @ (a.outside + b.outside) / 2, _SMALL_VIEW_FACTOR * area
     )
-    for i, j in apart:
-        between[i, j] = 0.0
-        between[j, i] = 0.0
-    outside = relative(sides @ a.outside, sides @ b.outside, area)
-    return float(max(between.max(), outside.max()))
+    once = first <= second
+    value = np.concatenate([between[once], outside])
+    first = np.concatenate([first[once], np.arange(count)])
+    second = np.concatenate([second[once], np.arange(count)])
+    return [
+        _Difference(float(value[n]), (int(first[n]), int(second[n])))
+        for n in np.argsort(-value, kind="stable")
+    ]
 
 
 def _pair_difference(
     bodies: tuple[PatchedBody, ...],
-    coarse: Float[np.ndarray, "p p"],
-    fine: Float[np.ndarray, "p p"],
+    coarse: csr_array,
+    fine: csr_array,
     cone: PairCone,
 ) -> float:
     """Relative difference of the exchange of the cone's two bodies [-]."""
@@ -329,4 +427,4 @@ def _pair_difference(
     # Largest area that the lines of the cone carry, in both directions [m^2].
     cone_area = 4 * (1 - cone.min_cosine) * cone.extent**2
     exchanged = max((a + b).sum() / 2, _SMALL_VIEW_FACTOR * cone_area)
-    return float(np.abs(a - b).sum() / exchanged)
+    return float(abs(a - b).sum() / exchanged)

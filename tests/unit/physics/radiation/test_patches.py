@@ -6,8 +6,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box
+from jaxthermo.geometry.vectors import triangle_normals, unit_vectors
+from jaxthermo.physics.radiation.patches import SolidPatches
 from jaxthermo.voxels.voxelize import voxelize
-from tests.radiating import in_patches, shell
+from tests.radiating import in_patches, moved, shell
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +35,18 @@ def test_no_more_than_asked_for_and_nothing_lost(hollow, max_patches):
     assert_allclose(moment, expected, rtol=1e-12, atol=1e-12)
 
 
+def patches_at(body, points, normals):
+    """Patches of points in the frame of a body, on faces with about these normals."""
+    face_normal = unit_vectors(triangle_normals(body.vertices[body.faces]))
+    solids = SolidPatches.of_bodies((body,), face_normal)
+    return solids.at(
+        body.pose.to_world(points),
+        face=(body.pose.rotate(normals) @ face_normal.T).argmax(1),
+        space=np.zeros(len(points), int),
+        body=np.zeros(len(points), int),
+    )
+
+
 def test_a_patch_faces_one_way(hollow):
     patches = in_patches(hollow, 200).patches
     axis = np.abs(hollow.fragment_normal).argmax(1)
@@ -46,20 +60,25 @@ def test_a_patch_faces_one_way(hollow):
 def test_points_near_fragments_are_in_their_patches(block, seed):
     random = np.random.default_rng(seed)
     grid = block
-    patches = in_patches(grid, int(random.integers(6, 100))).patches
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    pose = moved(0.3, y=-2.0, z=1.0, rotation=turn)
+    body = in_patches(grid, int(random.integers(6, 100)), pose)
+    patch = body.patches.patch
     position = grid.fragment_position
     normal = grid.fragment_normal
-    assert_array_equal(patches.patch_of(position, normal), patches.patch)
+    assert_array_equal(patches_at(body, position, normal), patch)
     # Anywhere on the fragment's own square, above or below by rounding.
     shift = random.uniform(-0.0049, 0.0049, position.shape) * (np.abs(normal) < 0.5)
     off = shift + normal * random.uniform(-1e-12, 1e-12, (len(position), 1))
-    assert_array_equal(patches.patch_of(position + off, normal), patches.patch)
+    assert_array_equal(patches_at(body, position + off, normal), patch)
 
 
 def test_where_no_fragment_is_the_nearest_patch_of_that_side(hollow):
-    patches = in_patches(hollow, 200).patches
+    body = in_patches(hollow, 200)
+    patches = body.patches
     points = np.array([[0.0, 0.0, 0.15], [0.0, 0.0, -0.15]])
-    patch = patches.patch_of(points, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
+    patch = patches_at(body, points, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
     assert (patches.code[patch] % 6 == [5, 4]).all()
     assert patches.centre[patch[0], 2] > 0.05 and patches.centre[patch[1], 2] < -0.05
 
