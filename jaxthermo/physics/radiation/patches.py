@@ -419,7 +419,7 @@ def shares_of_patches(
     at least one for every side.
     """
     share = _SHARED * max_patches * area / area.sum()
-    return np.clip(share.astype(int), _SIDES, max(max_patches, _SIDES))
+    return np.clip(share.astype(int), min(_SIDES, max_patches), max_patches)
 
 
 def _rooms(area: Float[np.ndarray, " c"], max_patches: int) -> Int[np.ndarray, " c"]:
