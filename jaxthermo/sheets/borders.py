@@ -16,6 +16,7 @@ from ..arrays import rank_in_group
 from ..geometry.mesh import edges_of
 from ..geometry.refine import cut_faces
 from ..geometry.vectors import row_dot
+from .weld import DEFAULT_WELD
 
 
 _RIGHT_ANGLE = -1e-9
@@ -92,7 +93,13 @@ def _widest(
     start = vertices[ends[order, 0]]
     along = vertices[ends[order, 1]] - start
     fraction = -row_dot(points[order, 0], along) / row_dot(along, along)
-    return BorderFeet(ends=ends[order], position=start + fraction[:, None] * along)
+    position = start + fraction[:, None] * along
+    # Feet of feet may approach a point without end, as on branches around a corner.
+    piece = np.minimum(fraction, 1 - fraction) * np.linalg.norm(along, axis=1)
+    height = np.linalg.norm(position - vertices[apex[order]], axis=1)
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    is_apart = np.minimum(piece, height) > DEFAULT_WELD * size
+    return BorderFeet(ends=ends[order[is_apart]], position=position[is_apart])
 
 
 def cut_at_feet(

@@ -62,7 +62,7 @@ def with_cut_borders(
             chosen = chosen[proper_faces(chosen)]
             feet = obtuse_feet(vertices, chosen)
             if not len(feet.ends):
-                matrix = _laplacian(vertices, chosen)
+                matrix = vertex_laplacian(vertices, chosen)
                 feet = encroached_feet(vertices, chosen, matrix)
             if len(feet.ends):
                 break
@@ -84,7 +84,7 @@ def triangle_weights(
         nothing = np.zeros(0, np.int64)
         return PairWeights(src=nothing, dst=nothing, weight=np.zeros(0))
     cut = with_cut_borders(vertices, faces=faces, part=np.zeros(len(faces), np.int64))
-    laplacian = _laplacian(cut.vertices, cut.faces)
+    laplacian = vertex_laplacian(cut.vertices, cut.faces)
     entries = coo_array(without_capacity(laplacian, len(vertices)))
     src, dst = entries.coords
     conductance = np.asarray(entries.data, np.float64)
@@ -98,9 +98,10 @@ def triangle_weights(
     )
 
 
-def _laplacian(
+def vertex_laplacian(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"]
 ) -> csr_array:
+    """Laplacian of the tufted cover [-]: minus the conductances off its diagonal."""
     used, corners = np.unique(faces, return_inverse=True)
     corners = corners.reshape(-1, 3)
     triangles = vertices[faces]
@@ -130,13 +131,14 @@ def without_capacity(laplacian: Any, count: int) -> csr_array:
     weights = _positive(-laplacian)
     total = weights.shape[0]
     waits = np.arange(total) >= count
-    # In a random order few of them wait for a neighbour, whatever their numbers.
-    priority = np.random.default_rng(0).permutation(total)
+    # In a random order few of equal degree wait for a neighbour.
+    tie = np.random.default_rng(0).permutation(total)
     while waits.any():
-        entries = coo_array(weights)
-        row, column = entries.coords
-        both = waits[row] & waits[column] & (row != column)
-        first = np.full(total, total)
+        row, column = coo_array(weights).coords
+        # Those with few neighbours first: each joins all of its neighbours.
+        priority = np.bincount(row, minlength=total) * total + tie
+        both = waits[row] & waits[column]
+        first = np.full(total, np.iinfo(np.int64).max)
         np.minimum.at(first, row[both], priority[column[both]])
         eliminated = np.flatnonzero(waits & (priority < first))
         coupling = csr_array(weights[eliminated])
