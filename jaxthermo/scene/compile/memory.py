@@ -9,6 +9,7 @@ structures, which exist before, and the compiler are not counted.
 """
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -134,17 +135,20 @@ def forecast_memory(
         as_links(body.structure) if number in joined else body.structure
         for number, body in enumerate(scene.bodies)
     ]
-    bodies = [
-        _body_forecast(
-            body,
-            structure=structure,
+    bodies = []
+    for body, structure in zip(scene.bodies, structures, strict=True):
+        forecast = partial(
+            _body_forecast,
+            structure,
+            is_mixed=isinstance(body.material, AbstractMaterials),
+            varies=has_varying_links(body),
             width=width,
             saves=saves,
             snapshots=snapshots,
             method=method,
         )
-        for body, structure in zip(scene.bodies, structures, strict=True)
-    ]
+        by = "memory", *forecast.keywords.values()
+        bodies.append(structure.found(by, forecast))
     stencils = any(len(structure.state_shape) == 3 for structure in structures)
     allocator = _RUNTIME_STENCIL if stencils else 0
     retained, steps, rows, runtime = np.sum(bodies, axis=0)
@@ -166,8 +170,9 @@ class _BodyForecast(NamedTuple):
 
 
 def _body_forecast(
-    body: Body,
     structure: AbstractStructure,
+    is_mixed: bool,
+    varies: bool,
     width: int,
     saves: int,
     snapshots: int,
@@ -183,7 +188,7 @@ def _body_forecast(
     runtime = 0.0
     if is_stencil:
         retained = _KEPT_STENCIL.bytes_of(read)
-        if isinstance(body.material, AbstractMaterials):
+        if is_mixed:
             retained += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
         step_bytes = _STEPS_STENCIL[method]
         solves = _SOLVES_STENCIL
@@ -203,7 +208,7 @@ def _body_forecast(
         runtime += eliminated.bytes_of(counts) * width / 4
     retained += solves.get(method, _Parts()).bytes_of(counts)
     retained += (snapshots - 1) * _KEPT_SNAPSHOT.bytes_of(read)
-    if has_varying_links(body):
+    if varies:
         retained += structure.link_count * (8 * width + 8)
     return _BodyForecast(
         retained=retained * (_KEPT_DOUBLE if width == 8 else 1),
