@@ -12,6 +12,7 @@ from killing import kill, start
 from calibrate.__main__ import main
 from calibrate.report import pictures
 from tests.calibrating import SPHERE
+from tests.shallow import SHALLOW
 
 
 SCENE = SPHERE.replace("end: 60, save_at: [30, 60]", "end: 200, save_at: [100, 200]")
@@ -84,6 +85,7 @@ def test_identify_judges_the_start_and_fits_nothing(fitted):
     assert sorted(folder.rglob("*")) == files
 
 
+@SHALLOW
 def test_check_holds_where_it_was_fitted_and_warns_outside(fitted):
     folder, _ = fitted
     card = folder / "out" / "card.yaml"

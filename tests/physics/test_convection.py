@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 import jaxthermo as jt
 from jaxthermo.reference.slab import slab_convection
 from tests.bodies import bar, depth, on_top, single_body_scene
+from tests.shallow import SHALLOW
 
 
 CONDUCTIVITY = 1.0
@@ -42,6 +43,7 @@ def test_lumped_body_cools_exponentially(voxel):
     assert 2 * errors[1] - errors[0] == pytest.approx(0.0, abs=2e-3)
 
 
+@SHALLOW
 def test_half_a_cell_is_in_series_with_the_fluid(voxel):
     coefficient = 1 / (1 / 50.0 + 0.05 / 1.0)
     dt = 10.0

@@ -8,6 +8,7 @@ import jaxthermo as jt
 from jaxthermo.geometry.shapes import sphere
 from jaxthermo.voxels.voxelize import voxelize
 from tests.bodies import blocks, single_body_scene
+from tests.shallow import SHALLOW
 
 
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
@@ -33,6 +34,7 @@ def _everything():
     )
 
 
+@SHALLOW
 @pytest.mark.parametrize(
     ("dtype", "stencil", "painted", "solver"),
     [

@@ -16,6 +16,7 @@ import jaxthermo as jt
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
 from tests.bodies import blocks
+from tests.shallow import SHALLOW
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
@@ -55,6 +56,7 @@ def gaussian(width: float):
     return lambda time: height * jnp.exp(-0.5 * ((time - HOUR / 2) / width) ** 2)
 
 
+@SHALLOW
 @pytest.mark.parametrize(
     "name",
     [
@@ -84,6 +86,7 @@ def test_the_heat_of_short_and_late_intervals_is_exact(scene, name):
         assert np.asarray(solution.times).tolist() == saves
 
 
+@SHALLOW
 @pytest.mark.parametrize(
     ("name", "width"),
     [
@@ -126,6 +129,7 @@ def test_what_is_missed_is_told_in_joules(scene, by_heat_rate):
     assert 0.1 * varying < missed < 2 * varying
 
 
+@SHALLOW
 def test_the_stated_error_of_a_pulse_is_true(scene):
     # The half that is heated is hotter than the whole, by its own conduction.
     peak = HOUR / 2
@@ -224,6 +228,7 @@ def test_a_compiled_run_takes_other_tables_late_in_it(scene):
     assert_allclose(absorbed(run(load(3e6))), [0.0, 1.5e4], rtol=1e-5, atol=1e-3)
 
 
+@SHALLOW
 def test_segments_take_the_windows_of_the_whole_run(scene):
     plan = plan_run(scene(gaussian(0.1)), HOUR, [1801.0, HOUR], jt.ForwardEuler())
     whole = jt.simulate(plan.scene, HOUR, [1801.0, HOUR], solver=jt.ForwardEuler())

@@ -15,6 +15,7 @@ from jaxthermo.physics.half_cells import Extremes
 from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from tests.bodies import bar, single_body_scene
+from tests.shallow import SHALLOW
 
 
 INSULATION = jt.Material(0.03, density=30.0, specific_heat=1000.0, emissivity=0.9)
@@ -146,6 +147,7 @@ def test_stiffness_is_the_slope_of_the_heat_rate():
     assert slope == pytest.approx(bound_, rel=1e-6)
 
 
+@SHALLOW
 def test_fragments_of_a_corner_do_not_share_their_half_cells():
     """A voxel convects through one face only: the others are no way out."""
     cube = bar(1, 0.1)

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import expm_multiply
 import jaxthermo as jt
 from jaxthermo.reference.slab import slab_convection
 from tests.bodies import single_body_scene
+from tests.shallow import SHALLOW
 from tests.slopes import check_gradient
 
 
@@ -69,6 +70,7 @@ def ball_error(surface_cells, cells, biot):
     return max(errors), np.abs(solution.energy.residual_relative).max()
 
 
+@SHALLOW
 @pytest.mark.parametrize(
     ("cells", "biot", "largest"),
     [

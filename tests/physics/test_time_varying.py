@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from tests.bodies import blocks
+from tests.shallow import SHALLOW
 
 
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
@@ -58,6 +59,7 @@ def test_the_heat_of_a_function_of_time_does_not_depend_on_the_steps(voxel, name
     assert float(absorbed) == pytest.approx(exact, rel=1e-7)
 
 
+@SHALLOW
 def test_a_switch_at_a_landing_is_on_before_and_off_after(voxel):
     scene = voxel(jt.Until(1000.0, 5.0))
     saves = [5.0, 20.0]
@@ -71,6 +73,7 @@ def test_a_switched_zero_is_left_out(voxel):
     assert "heat_flux" not in receipt.included
 
 
+@SHALLOW
 def test_taking_out_more_heat_than_there_is_says_so(voxel):
     scene = voxel(-1e9)
     with pytest.raises(RuntimeError, match="below 0 K"):

@@ -6,6 +6,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.material.table import thesis_material
 from tests.bodies import bar
+from tests.shallow import SHALLOW
 
 
 FLUX = 31.15
@@ -43,6 +44,7 @@ def test_rate_to_three_digits(name):
     assert f"{rate:.2e}" == TABLE[name]
 
 
+@SHALLOW
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 @pytest.mark.parametrize("name", TABLE)
 def test_simulated_rate_to_three_digits(cube, name, dtype):

@@ -5,6 +5,7 @@ import pytest
 
 import jaxthermo as jt
 from tests.bodies import blocks
+from tests.shallow import SHALLOW
 
 
 AEROGEL = jt.Material(0.013, density=150.0, specific_heat=1000.0)
@@ -113,6 +114,7 @@ def test_an_island_stays_as_it_is_bit_by_bit():
     assert (surface[0, ~far] - surface[1, ~far]).max() > 1.0
 
 
+@SHALLOW
 def test_voxels_of_10_um_and_1_m_in_one_scene():
     """S03: the explicit solver says its limit; the implicit one takes the step."""
     small = jt.Body(

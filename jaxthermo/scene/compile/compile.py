@@ -36,6 +36,7 @@ from .body_program import SurfaceCoefficients
 from .groups import body_groups, joins_bodies
 from .memory import Method, check_memory
 from .newton_iterations import with_iterations
+from .penetration import penetration_warnings
 from .program import Compiled, Program
 from .program_builder import (
     Ledger,
@@ -101,6 +102,11 @@ def compile_scene(
     # How many iterations are compiled follows from numbers that must be known.
     if temperatures is not None and not is_traced(programs):
         programs = with_iterations(programs, temperatures, float(end))
+    compiled = replace(
+        compiled,
+        programs=programs,
+        breakpoints=breakpoints_of(scene, compiled.acting),
+    )
     lines = [
         f"{name} on body {note.body}: {line}"
         for name, note in compiled.notes
@@ -118,17 +124,13 @@ def compile_scene(
             *compiled.receipt.warnings,
             *filled_warnings(scene),
             *sheet_lines(scene, sheet_warnings),
+            *penetration_warnings(scene, compiled, save_times or ()),
             *time_values.warnings(compiled.acting, compiled.receipt.parts),
         ),
         memory_bytes=memory,
         searches=tuple(dict.fromkeys(searches)),
     )
-    return replace(
-        compiled,
-        programs=programs,
-        breakpoints=breakpoints_of(scene, compiled.acting),
-        receipt=receipt,
-    )
+    return replace(compiled, receipt=receipt)
 
 
 def _bound(

@@ -266,7 +266,7 @@ class Program(Module):
         is_read = is_limited or any(m.needs_excess for m in maps)
         if not (is_read or self.fragment_terms.prescribed):
             return [None] * len(self.bodies)
-        terms, joined = self._terms_above(time, below)
+        terms, joined = self.terms_above(time, below)
         excess = self.by_group(terms.surface_excess(time, joined))
         equilibrium: Sequence = [None] * len(self.bodies)
         if is_limited:
@@ -338,12 +338,12 @@ class Program(Module):
             jnp.zeros_like(body_below) if heat is None else heat
             for body_below, heat in zip(below, contact_heat, strict=True)
         ]
-        terms, joined = self.in_air(states)._terms_above(time, below)
+        terms, joined = self.in_air(states).terms_above(time, below)
         return self.surface_heat.evaluate(
             terms, time, joined, self.in_scene(by_contacts)
         )
 
-    def _terms_above(self, time, below: list) -> tuple[SurfaceTerms, Array]:
+    def terms_above(self, time, below: list) -> tuple[SurfaceTerms, Array]:
         """The terms on fragments as they act above nodes of these temperatures [K]."""
         varying = varying_half_cells(
             [body.network for body in self.bodies],

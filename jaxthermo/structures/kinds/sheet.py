@@ -189,11 +189,15 @@ class Sheet(AbstractStructure):
 
     def _cell_volumes(self) -> Float[Any, "m n"]:
         """Volume of each node [m^3]: numpy arrays unless a thickness is traced."""
-        pairs = zip(self.stacks, self.divisions, strict=True)
-        thickness = [_cell_thickness(stack, division) for stack, division in pairs]
+        thickness = self._cell_thickness()
         xp = array_namespace(thickness)
         rows = xp.stack(thickness, axis=1)
         return rows @ typed_array(self.grid.cells.area.T, rows.dtype)
+
+    def _cell_thickness(self) -> list[Float[Any, " m"]]:
+        """Thickness of the cells of each part [m]."""
+        pairs = zip(self.stacks, self.divisions, strict=True)
+        return [_cell_thickness(stack, division) for stack, division in pairs]
 
     def volume_within(self, space: AbstractSpace | None) -> Float[Any, " n"]:
         """Volume of the part of each node in a part of space [m^3]; of all for None."""
@@ -276,6 +280,18 @@ class Sheet(AbstractStructure):
         values = self.cell_values(dtype)
         fronts = [value.to_front[0] for value in values]
         return self._at_fragments([*fronts, *(v.to_back[-1] for v in values)], dtype)
+
+    def face_capacity(self, dtype: Any) -> Float[Any, " s"]:
+        """Heat capacity of the node of each fragment, of an area [J/(m^2 K)]."""
+        values = self.cell_values(dtype)
+        fronts = [value.capacity[0] for value in values]
+        return self._at_fragments([*fronts, *(v.capacity[-1] for v in values)], dtype)
+
+    def face_cell_thickness(self, dtype: Any) -> Float[Any, " s"]:
+        """Thickness of the cell at each fragment [m]."""
+        thickness = self._cell_thickness()
+        fronts = [cells[0] for cells in thickness]
+        return self._at_fragments([*fronts, *(c[-1] for c in thickness)], dtype)
 
     def _at_fragments(self, values: Sequence[Any], dtype: Any) -> Float[Any, " s"]:
         """Values at the front of each part, then at the back, by fragment."""

@@ -13,6 +13,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.scene.scene import BodyGeometry, SolvedSurface
+from tests.shallow import SHALLOW
 
 
 def surface(area, shift: float = 0.0) -> SolvedSurface:
@@ -131,6 +132,7 @@ def test_it_has_a_derivative_and_the_slope_0_where_nothing_differs():
     )
 
 
+@SHALLOW
 def test_solutions_of_one_scene_agree_and_go_through_a_simulation_with_a_derivative():
     grid = bar(6, 0.01)
 

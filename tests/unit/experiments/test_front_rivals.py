@@ -7,6 +7,7 @@ import jaxthermo as jt
 from experiments.front.linear_body import LinearBody, linear_body
 from experiments.front.numba_loops import explicit_run, rkl2_run
 from experiments.front.scipy_run import scipy_run
+from tests.shallow import SHALLOW
 
 
 # The ball is coarse: what is compared is the arithmetic.
@@ -63,6 +64,7 @@ def test_explicit_steps_are_those_of_forward_euler(ball, cells):
         np.testing.assert_allclose(run.call(), expected, atol=1e-4, rtol=0)
 
 
+@SHALLOW
 def test_rkl2_steps_are_those_of_super_time_stepping(ball):
     ball_scene, body = ball
     expected = surface(ball_scene, jt.SuperTimeStepping(dt=STEP))

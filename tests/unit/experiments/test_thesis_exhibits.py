@@ -13,6 +13,7 @@ from experiments.thesis import exhibition, statements
 from experiments.thesis.exhibit import CLAIMS, Exhibit, Finding, Verdict
 from experiments.thesis.report import Measured, claim_results
 from jaxthermo.errors import InputError
+from tests.shallow import SHALLOW
 
 
 IDS = [claim.id for claim in CLAIMS]
@@ -143,6 +144,7 @@ def test_a_claim_has_the_worst_verdict_of_its_exhibits():
     assert verdicts["C10"] == "contradicted"
 
 
+@SHALLOW
 def test_table_5_1_is_reproduced_to_its_digits(no_meshes, tmp_path):
     found = exhibition.run(tmp_path, "table-5.1", quick=True)
     (shown,) = found["exhibits"]

@@ -20,6 +20,7 @@ from jaxthermo.integrate.run.segments import (
     finish_run,
     run_segments,
 )
+from tests.shallow import SHALLOW
 
 
 END = 20.0
@@ -67,6 +68,7 @@ def run_on(plan, progress, seconds=1.0):
     return [progress, *run_segments(plan, progress, seconds)][-1]
 
 
+@SHALLOW
 @pytest.mark.parametrize(
     "dtype", ["float32", pytest.param("float64", marks=pytest.mark.slow)]
 )

@@ -11,6 +11,7 @@ from jaxthermo.physics.time_varying import Dose, dose
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.voxels.selection import Everything, Region, Side
 from tests.bodies import bar
+from tests.shallow import SHALLOW
 
 
 START = 300.0
@@ -74,6 +75,7 @@ def test_a_cold_neighbour_in_contact_with_a_heated_body():
     assert START + 2.0 < float(metal.max()) < highest
 
 
+@SHALLOW
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_flux_into_a_surface_that_does_not_emit(sign):
     """The emissivity of the surface opposite does not bound it."""

@@ -11,6 +11,7 @@ import jaxthermo as jt
 from jaxthermo.scene.scene import Probe
 from jaxthermo.voxels.selection import Region, Side
 from jaxthermo.voxels.voxelize import voxelize
+from tests.shallow import SHALLOW
 
 
 CONDUCTIVITY = 2.0
@@ -61,6 +62,7 @@ QUICK = (
 )
 
 
+@SHALLOW
 @pytest.mark.parametrize(
     ("kind", "surface_map"),
     [
@@ -95,6 +97,7 @@ def test_a_held_surface_reads_what_is_prescribed(grid, kind, surface_map):
         np.testing.assert_allclose(at_probes, prescribed, atol=1e-3)
 
 
+@SHALLOW
 @pytest.mark.parametrize(
     ("factor", "surface_map"),
     [
@@ -138,6 +141,7 @@ def test_a_hot_cap_makes_nothing_hotter_or_colder(surface_map):
     assert float(surface.max()) <= 1273.0 + 1e-3
 
 
+@SHALLOW
 @pytest.mark.parametrize("h", [pytest.param(20.0, marks=pytest.mark.slow), 5000.0])
 def test_what_is_limited_has_a_derivative(h):
     """Limited or not, the derivative with the air's temperature is the difference."""
