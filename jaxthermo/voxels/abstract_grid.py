@@ -73,10 +73,12 @@ class AbstractGrid(abc.ABC):
         self, selection: AbstractSelection | None
     ) -> Bool[np.ndarray, " s"] | None:
         """Fragments on which a term on a selection may act; None for all of them."""
-        is_named = selection is not None and not selection.is_geometric
-        if self.adiabatic is None or is_named:
+        if self.adiabatic is None:
             return None
-        return ~self.adiabatic
+        reached = ~self.adiabatic
+        if selection is not None:
+            reached |= selection.named(self.fragment_centres)
+        return reached
 
     @property
     def fragment_centres(self) -> FragmentCentres:

@@ -70,6 +70,13 @@ class AbstractSelection(eqx.Module):
         """True if points and normals suffice, False if it depends on fragments."""
         return True
 
+    def named(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
+        """Flag the fragments among the selected ones that it names by themselves.
+
+        Others are selected by their position and normal alone.
+        """
+        return np.full(len(fragments.position), not self.is_geometric)
+
     def divides(
         self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
     ) -> Bool[np.ndarray, " n"]:
@@ -398,6 +405,16 @@ class _AbstractCombination(AbstractSelection):
     @override
     def is_geometric(self) -> bool:
         return all(operand.is_geometric for operand in self.operands)
+
+    @override
+    def named(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
+        if self.rule != "|":
+            return super().named(fragments)
+        flags = [
+            operand.named(fragments) & operand.select(fragments)
+            for operand in self.operands
+        ]
+        return np.logical_or.reduce(flags)
 
     @override
     def contains_samples(self, samples: SurfaceSamples) -> Bool[np.ndarray, "#p m"]:

@@ -95,6 +95,8 @@ def run_ground(*terms):
         jt.HeatFlux(100.0, on=FRONT),
         jt.Sun((0.0, 0.0, -1.0), 100.0, on=FRONT | jt.Face("front", body=0)),
         jt.Sun((0.0, 0.0, 1.0), 100.0),
+        # The front is named, and the rest selected by its position.
+        jt.HeatFlux(100.0, on=jt.Face("front") | jt.Everything()),
     ],
 )
 def test_terms_reach_no_adiabatic_back(term):
@@ -102,6 +104,19 @@ def test_terms_reach_no_adiabatic_back(term):
     heated = [part.area for part in receipt.parts]
     up = not (isinstance(term, jt.Sun) and term.direction == (0.0, 0.0, 1.0))
     assert_allclose(heated, [0.5] if up else [], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("on", "area"),
+    [
+        (BACK | jt.Side((0.0, 0.0, 1.0)), 1.0),
+        (BACK & jt.Region((0.0, -1.0, -1.0), (1.0, 1.0, 1.0)), 0.25),
+        (~jt.Face("front"), 0.5),
+    ],
+)
+def test_a_combination_reaches_the_adiabatic_back_that_it_names(on, area):
+    receipt = jt.compile_scene(run_ground(jt.HeatFlux(100.0, on=on))).receipt
+    assert_allclose([part.area for part in receipt.parts], [area], rtol=1e-9)
 
 
 def test_the_cells_of_an_adiabatic_back_are_wider():
