@@ -23,7 +23,7 @@ from .coarse import CoarseSurface, SheetLinks, divided_surface, surface_links
 from .fragments import SheetFragments, surface_fragments
 from .partition import cell_nodes
 from .split import split_long_edges
-from .surface import Surface
+from .surface import Surface, proper_faces
 from .tufted import with_cut_borders
 from .weld import DEFAULT_WELD, WeldedMesh, open_seams, shared_area, weld_mesh
 
@@ -107,9 +107,9 @@ def sheet_cells(
     if face_part is None:
         face_part = np.zeros(len(mesh.faces), np.int64)
     welded = weld_mesh(mesh, tolerance)
-    if not len(welded.faces):
+    if not proper_faces(welded.faces).any():
         raise InputError(
-            f"Sheet(weld={tolerance:g} m): no face is left of a mesh of {size:g} m: "
+            f"Sheet(weld={tolerance:g} m): no face is left of a mesh of {size:.3g} m: "
             "give a shorter length"
         )
     surface = _cut_surface(mesh, welded, face_part=face_part, pitch=pitch, nodes=nodes)

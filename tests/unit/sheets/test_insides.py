@@ -8,6 +8,7 @@ import jaxthermo as jt
 from jaxthermo.geometry.mesh import Pose, joined
 from jaxthermo.physics.surface import enclosing_bodies
 from jaxthermo.sheets.insides import find_insides
+from tests.radiating import shell
 
 
 STEEL = jt.Material(45.0, 7850.0, specific_heat=480.0)
@@ -163,3 +164,18 @@ def test_the_receipt_tells_that_a_partition_hides_an_inside():
     )
     text = "\n".join(jt.compile_scene(scene).receipt.notes)
     assert "body 0 is a sheet with partitions joined along 2.2 m:" in text
+
+
+def test_the_receipt_tells_that_a_sheet_is_in_the_cavity_of_a_solid():
+    case = jt.FullVolume(jt.voxelize(shell(0.06, 0.1, 2), 0.02))
+    plate = jt.Sheet(jt.shapes.rectangle(0.04, 0.04), LAYERS, 0.02)
+    bodies = (
+        jt.Body(case, STEEL, temperature=300.0),
+        jt.Body(plate, temperature=300.0),
+    )
+    scene = jt.Scene(bodies, (jt.Convection(5.0, 290.0),))
+    receipt = jt.compile_scene(scene).receipt
+    assert {part.bodies for part in receipt.parts} == {(0,)}
+    (line,) = (note for note in receipt.notes if "surface of body 1" in note)
+    assert line.startswith("100 % of the surface of body 1 faces closed cavities of")
+    assert "air, sun and surroundings act there only with `inside: open`" in line

@@ -43,6 +43,24 @@ def test_a_wall_thicker_than_the_radius_is_told_with_the_place():
     assert radius == pytest.approx(100, rel=0.15)
 
 
+@pytest.mark.parametrize("pitch", [0.005, 0.05])
+def test_a_pipe_thinner_than_a_cell_is_told_too(pitch):
+    pipe = jt.shapes.pipe(0.01, 0.5)
+    assert sheet_warnings(sheet(pipe, 0.005, pitch)) == []
+    (line,) = sheet_warnings(sheet(pipe, 0.02, pitch))
+    assert "its wall of 20 mm is thicker than the radius of curvature of 1" in line
+
+
+@pytest.mark.parametrize("weld", [0.6, 10.0])
+def test_a_weld_that_leaves_nothing_is_refused(weld):
+    plate = jt.shapes.rectangle(0.5, 0.3)
+    message = (
+        rf"Sheet\(weld={weld:g} m\): no face is left of a mesh of 0.583\d* m: give"
+    )
+    with pytest.raises(jt.InputError, match=message):
+        sheet(plate, weld=weld)
+
+
 def test_parts_that_lie_on_each_other_are_told():
     plate = jt.shapes.rectangle(1.0, 0.5)
     smaller = jt.shapes.rectangle(0.4, 0.2)
