@@ -155,6 +155,11 @@ def _members(prepared: tuple[PreparedGroup, ...]) -> list[_Member]:
     return sorted(bodies, key=lambda member: member.number)
 
 
+_ON_WALL = 0.1
+"""Height above a surface, over the edge of its cells, up to which a probe in a cavity
+is on the surface and not in the air."""
+
+
 class _Located(NamedTuple):
     """Points relative to one body."""
 
@@ -172,7 +177,7 @@ def bind_probes(
     """Bind the probes of a scene to the bodies that they are in or on.
 
     If several bodies contain a point, the first counts. A point in a cavity, farther
-    than a voxel from all bodies, reads the air there if that is a body.
+    from all surfaces than a tenth of a cell, reads the air there if that is a body.
 
     Raises:
         InputError: for a point farther than a voxel from every body, or inside a body
@@ -190,15 +195,15 @@ def bind_probes(
     nearest = gap.argmin(axis=0)
     pitch = np.array([member.body.structure.grid.pitch for member in surfaced])
     is_far = gap.min(axis=0) > pitch[nearest]
-    bound: dict[int, list[BodyProbes]] = {}
-    for air, around in bodies_around_air(scene).items():
-        cavities = bodies[around].body.structure.grid.cavities
-        if cavities is not None:
-            is_enclosed = is_far & (cavities.at(points[around]) > 0)
-            probes_in_air = _in_air(bodies[air], np.flatnonzero(is_enclosed), dtype)
-            bound[bodies[air].group.number] = [probes_in_air]
-            is_far &= ~is_enclosed
-            nearest[is_enclosed] = air
+    air = _air_around(scene, surfaced, points, gap)
+    nearest = np.where(air < 0, nearest, air)
+    is_far &= air < 0
+    bound = {
+        bodies[number].group.number: [
+            _in_air(bodies[number], np.flatnonzero(air == number), dtype)
+        ]
+        for number in np.unique(air[air >= 0]).tolist()
+    }
     for n, probe in enumerate(scene.probes):
         if is_far[n]:
             raise InputError(
@@ -222,6 +227,44 @@ def bind_probes(
                 )
             )
     return tuple(_joined(bound[group]) for group in sorted(bound))
+
+
+def _air_around(
+    scene: Scene,
+    surfaced: list[_Member],
+    points: list[Float[np.ndarray, "p 3"]],
+    gap: Float[np.ndarray, "b p"],
+) -> Int[np.ndarray, " p"]:
+    """Number of the body of air that each probe is in; -1 for none.
+
+    Args:
+        scene: with its bodies of air.
+        surfaced: bodies that have a surface.
+        points: the probes in the frame of each of them [m].
+        gap: distance of the probes from each of them [m].
+    """
+    air = np.full(gap.shape[1], -1)
+    around_air = bodies_around_air(scene)
+    if not around_air:
+        return air
+    grids = [member.body.structure.grid for member in surfaced]
+    is_clear = np.ones(len(air), bool)
+    for grid, body_points, body_gap in zip(grids, points, gap, strict=True):
+        height = body_gap
+        if not isinstance(grid, VoxelGrid):
+            # Cells of a wall are wide, and a point in front of one is not on it.
+            distance, fragment = KDTree(grid.fragment_position).query(body_points)
+            away = body_points - grid.fragment_position[fragment]
+            above = np.abs((away * grid.fragment_normal[fragment]).sum(axis=1))
+            height = np.where(distance > grid.pitch, distance, above)
+        is_clear &= height > _ON_WALL * grid.pitch
+    # The innermost cavity counts, whose body is the smallest.
+    numbers = sorted(around_air, key=lambda n: -grids[around_air[n]].cavity_volume)
+    for number in numbers:
+        cavities = grids[around_air[number]].cavities
+        if cavities is not None:
+            air[is_clear & (cavities.at(points[around_air[number]]) > 0)] = number
+    return air
 
 
 def _joined(probes: list[BodyProbes]) -> BodyProbes:

@@ -269,7 +269,12 @@ def cabin(inner=5.0, motion=None, dtype="float64"):
         jt.Contact(100.0, bodies=(1, 2)),
         jt.EnclosedAir(inner, 2.0 / HOUR, 270.0, body=0, air=3),
     )
-    probes = {"air": (0.25, 0.0, 0.0), "block": (0.0, 0.0, 0.1)}
+    probes = {
+        "air": (0.25, 0.0, 0.0),
+        "block": (0.0, 0.0, 0.1),
+        "near a wall": (0.48, 0.1, 0.1),
+        "wall": (0.5, 0.1, 0.1),
+    }
     return jt.Scene((wall, *blocks, air), terms, dtype=dtype, probes=probes)
 
 
@@ -289,9 +294,40 @@ def test_bodies_inside_exchange_heat_with_the_air():
     entering = solution.energy.mechanisms["interior_air"]
     np.testing.assert_allclose(sum(by_body), entering, rtol=1e-9)
     assert solution.probe_temperature is not None
-    np.testing.assert_allclose(
-        solution.probe_temperature[:, 0], solution.mean_temperature[:, 3], rtol=1e-12
+    read = np.asarray(solution.probe_temperature)
+    for column in (0, 2):
+        np.testing.assert_allclose(
+            read[:, column], solution.mean_temperature[:, 3], rtol=1e-12
+        )
+    assert read[-1, 1] > read[-1, 0] > read[-1, 3] + 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", [jt.SuperTimeStepping(), jt.TRBDF2()])
+def test_every_box_has_its_own_air(solver):
+    """Two boxes beside many blocks, which explicit steps conduct as one network."""
+    blocks = [
+        jt.Body(CUBE, STEEL, temperature=300.0, pose=jt.Pose((0.0, 1.0 * n, 2.0)))
+        for n in range(4)
+    ]
+    far = jt.Pose((5.0, 0.0, 0.0))
+    boxes = [
+        jt.Body(SHEET, temperature=WALL),
+        jt.Body(SHEET, temperature=WALL, pose=far),
+    ]
+    airs = [jt.Body(jt.AirVolume(0.3), temperature=kelvin) for kelvin in (AIR, WALL)]
+    terms = (
+        jt.Convection(20.0, 280.0),
+        jt.EnclosedAir(5.0, 2.0 / HOUR, 270.0, body=5, air=6),
+        jt.EnclosedAir(5.0, 2.0 / HOUR, 270.0, body=2, air=7),
     )
+    bodies = (*blocks[:2], boxes[1], *blocks[2:], boxes[0], *airs)
+    scene = jt.Scene(bodies, terms, dtype="float64")
+    solution = jt.simulate(scene, TIMES[-1], save_at=TIMES, solver=solver)
+    mean = np.asarray(solution.mean_temperature)
+    np.testing.assert_allclose(mean[:, [5, 6]], exact(), atol=0.02)
+    assert np.abs(mean[-1, 7] - mean[-1, 6]) > 0.1
+    assert np.abs(solution.energy.residual_relative).max() < 1e-11
 
 
 @pytest.mark.slow
