@@ -6,10 +6,11 @@ f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p po
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextvars import ContextVar
 from functools import cache
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -102,6 +103,51 @@ def typed_array(value: Any, dtype: Any) -> Any:
     """The value as an array of a type: of numpy, unless it is one of JAX or traced."""
     # The arrays of a scene move to the device together, at its end.
     return array_namespace(value).asarray(value, dtype)
+
+
+class _Row(NamedTuple):
+    """A row of an array of rows."""
+
+    row: Array
+    array: Array
+    number: int
+
+
+_known_rows: ContextVar[dict[int, _Row] | None] = ContextVar("rows", default=None)
+
+
+@contextlib.contextmanager
+def rows_remembered() -> Iterator[None]:
+    """Context in which `stacked` knows the arrays of the rows of `rows_of`."""
+    token = _known_rows.set({})
+    try:
+        yield
+    finally:
+        _known_rows.reset(token)
+
+
+def rows_of(array: Float[Array, "b ..."]) -> list[Float[Array, "..."]]:
+    """Rows of an array, which `stacked` puts together without an operation."""
+    rows = list(array)
+    known = _known_rows.get()
+    if known is not None:
+        for number, row in enumerate(rows):
+            known[id(row)] = _Row(row, array, number)
+    return rows
+
+
+def stacked(values: Sequence[Any], dtype: Any) -> Any:
+    """Numbers as one array: of numpy, unless one of them is of JAX or traced."""
+    known = _known_rows.get() or {}
+    rows = [known.get(id(value)) for value in values]
+    first = rows[0]
+    if first is not None and all(row and row.array is first.array for row in rows):
+        numbers = np.array([row.number for row in rows if row])
+        is_whole = np.array_equal(numbers, np.arange(len(first.array)))
+        array = first.array if is_whole else first.array[numbers]
+        return array.astype(dtype)
+    xp = array_namespace(values)
+    return xp.stack([xp.asarray(value, dtype) for value in values])
 
 
 def device_array(value: Any, dtype: Any = None) -> Any:

@@ -37,7 +37,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import Scalar, array_namespace, device_array, namespace, typed_array
+from ..arrays import (
+    Scalar,
+    array_namespace,
+    device_array,
+    is_traced,
+    namespace,
+    stacked,
+    typed_array,
+)
 from ..errors import InputError
 from ..material.material import Material, Property
 from ..network.link_operator import RowLayout, row_layout, row_network, series
@@ -100,7 +108,7 @@ def materials_network(
     """
     k = conductivity_table(materials, reference, dtype)
     constant = [material.at(reference) for material in materials]
-    heat = _table([m.volumetric_heat_capacity for m in constant], dtype)
+    heat = _heat_capacities(constant, dtype)
     network = _assemble_mixed(
         structure, material=number, conductivity=k, volumetric_heat_capacity=heat
     )
@@ -114,6 +122,15 @@ def materials_network(
         reference=reference,
         weights=_link_weights_or_none(structure, dtype),
     )
+
+
+def _heat_capacities(materials: Sequence[Material], dtype: Any) -> Float[_Values, " c"]:
+    """Heat capacity rho c_p of constant materials [J/(m^3 K)]."""
+    density = [material.density for material in materials]
+    specific_heat = [material.specific_heat for material in materials]
+    if is_traced(density) and is_traced(specific_heat):
+        return stacked(density, dtype) * stacked(specific_heat, dtype)
+    return _table([m.volumetric_heat_capacity for m in materials], dtype)
 
 
 def conductivity_table(
@@ -130,6 +147,8 @@ def conductivity_table(
 
 def _table(numbers: Sequence[Any], dtype: Any) -> Float[_Values, "c *k"]:
     """Numbers, or three by axis, one row a material: on the host unless traced."""
+    if not any(map(np.ndim, numbers)):
+        return stacked(numbers, dtype)
     rows = [typed_array(number, dtype) for number in numbers]
     shape = max((row.shape for row in rows), key=len)
     xp = array_namespace(rows)

@@ -11,7 +11,7 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import Scalar, is_traced, namespace, typed_array
+from ..arrays import Scalar, is_traced, namespace, stacked, typed_array
 from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..memo.found import found
@@ -370,8 +370,7 @@ def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:
         return typed_array(values[0], dtype)
     xp = namespace(values)
     if not any(map(np.ndim, values)):
-        rows = xp.stack([xp.asarray(value, dtype) for value in values])
-        return rows[np.repeat(np.arange(len(values)), counts)]
+        return stacked(values, dtype)[np.repeat(np.arange(len(values)), counts)]
     pairs = zip(values, counts, strict=True)
     return xp.concatenate([xp.broadcast_to(xp.asarray(v, dtype), n) for v, n in pairs])
 

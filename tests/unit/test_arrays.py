@@ -7,8 +7,11 @@ import pytest
 
 from jaxthermo.arrays import (
     device_array,
+    rows_of,
+    rows_remembered,
     sorted_union,
     stable_order,
+    stacked,
     typed_array,
     unique_rows,
 )
@@ -59,3 +62,19 @@ def test_the_order_of_numbers_is_that_of_a_stable_sort(bound):
         key = np.random.default_rng(0).integers(0, bound, count)
         plain = np.argsort(key, kind="stable")
         np.testing.assert_array_equal(stable_order(key), plain)
+
+
+def test_rows_of_one_array_are_put_together_without_operations():
+    def together(array):
+        with rows_remembered():
+            rows = rows_of(array)
+            assert stacked(rows, array.dtype) is array
+            return stacked([rows[2], rows[0]], array.dtype)
+
+    assert jax.jit(together)(jnp.arange(3.0)).tolist() == [2.0, 0.0]
+
+
+def test_other_numbers_are_stacked():
+    assert stacked([1.0, np.float64(2.0)], np.float32).tolist() == [1.0, 2.0]
+    rows = rows_of(jnp.arange(2.0))
+    assert stacked([rows[1], 3.0], np.float32).tolist() == [1.0, 3.0]

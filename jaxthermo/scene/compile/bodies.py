@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, device_array, is_traced, namespace
+from ...arrays import Scalar, device_array, is_traced, namespace, rows_of, stacked
 from ...errors import InputError, located
 from ...material.air import body_of_air
 from ...material.material import Material
@@ -157,22 +157,17 @@ def one_or_all(values: Sequence[Scalar]) -> Float[Values, "*b"]:
     is_one = not is_traced(values) and len({float(value) for value in values}) == 1
     if is_one or len(values) == 1:
         return namespace(values).asarray(values[0])
-    xp = namespace(values)
-    return xp.stack([xp.asarray(value) for value in values])
+    if is_traced(values):
+        return stacked(values, jnp.result_type(*values))
+    return np.asarray(values, float)
 
 
 def prepare(number: int, group: BodyGroup, dtype: Any) -> PreparedGroup:
     """Network, initial state and addresses of a group of bodies."""
-    initial = _initial if group.is_single else _initial_or_number
-    starts = [
-        initial(body_number, body, dtype)
-        for body_number, body in zip(group.numbers, group.bodies, strict=True)
-    ]
-    references = tuple(start.reference for start in starts)
+    references, theta = _start_of_group(group, dtype)
     if group.is_single:
         (body,) = group.bodies
         network = _network(body, references[0], dtype)
-        theta = starts[0].theta
         half_cell = _half_cells(body, references[0], dtype)
         surface_map = body.surface_map
         parts = _parts(body, references[0], dtype)
@@ -185,7 +180,6 @@ def prepare(number: int, group: BodyGroup, dtype: Any) -> PreparedGroup:
             reference=references[0],
             dtype=dtype,
         )
-        theta = _joined_start([start.theta for start in starts], group)
         half_cell = table.half_cells(group, dtype)
         surface_map = group.bodies[0].surface_map
         parts = None
@@ -269,6 +263,26 @@ class MaterialRows(NamedTuple):
         return k * length.astype(dtype)
 
 
+def _start_of_group(
+    group: BodyGroup, dtype: Any
+) -> tuple[tuple[Scalar, ...], Float[Values, "..."]]:
+    """References of the bodies, and the temperatures of all nodes above them [K]."""
+    values: list[Any] = [body.temperature for body in group.bodies]
+    are_numbers = all(is_traced(value) and value.ndim == 0 for value in values)
+    if are_numbers and not group.is_single:
+        temperatures = stacked(values, dtype)
+        fixed = jax.lax.stop_gradient(temperatures)
+        return tuple(rows_of(fixed)), (temperatures - fixed)[group.member_of_node]
+    starts = [
+        _initial(number, body, dtype)
+        for number, body in zip(group.numbers, group.bodies, strict=True)
+    ]
+    references = tuple(start.reference for start in starts)
+    if group.is_single:
+        return references, starts[0].theta
+    return references, _joined_start([start.theta for start in starts], group)
+
+
 def _joined_start(
     starts: list[Float[Values, "..."]], group: BodyGroup
 ) -> Float[Values, "..."]:
@@ -276,8 +290,6 @@ def _joined_start(
     if not is_traced(starts) and not any(theta.any() for theta in starts):
         return np.zeros((), starts[0].dtype)
     xp = namespace(starts)
-    if all(theta.ndim == 0 for theta in starts):
-        return xp.stack(starts)[group.member_of_node]
     pairs = zip(starts, group.nodes, strict=True)
     return xp.concatenate(
         [xp.broadcast_to(theta, nodes.stop - nodes.start) for theta, nodes in pairs]
@@ -409,16 +421,6 @@ class TemperatureBounds(NamedTuple):
         if is_traced(self):
             return None
         return Forcing(highest=float(self.highest), lowest=float(self.lowest))
-
-
-def _initial_or_number(number: int, body: Body, dtype: Any) -> _Start:
-    """The same, with one number for a traced temperature that is one number."""
-    values: Any = body.temperature
-    if callable(values) or not is_traced(values) or values.ndim:
-        return _initial(number, body, dtype)
-    values = values.astype(dtype)
-    reference = jax.lax.stop_gradient(values)
-    return _Start(reference, values - reference)
 
 
 def check_bodies(scene: Scene, prepared: tuple[PreparedGroup, ...]) -> None:

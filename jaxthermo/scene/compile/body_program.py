@@ -11,7 +11,7 @@ from equinox import Module
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Time, is_traced, namespace, taken
+from ...arrays import Time, is_traced, stacked, taken
 from ...network.network import AbstractNetwork, Address
 from ...network.segment_sums import SegmentSums
 from ...parallel.lattice import with_added
@@ -157,9 +157,9 @@ class SurfaceCoefficients(Module):
     def of_bodies(cls, values: Sequence[Any]) -> "SurfaceCoefficients":
         """Coefficients of bodies, each one number or one for each fragment."""
         uniform = [value for value in values if not np.ndim(value)]
-        xp = namespace(uniform)
+        dtype = values[0].dtype
         return cls(
-            uniform=xp.stack(uniform) if uniform else np.zeros(0, np.float32),
+            uniform=stacked(uniform, dtype) if uniform else np.zeros(0, dtype),
             varying=tuple(value for value in values if np.ndim(value)),
             is_uniform=tuple(not np.ndim(value) for value in values),
         )

@@ -36,7 +36,7 @@ from ...constants import STEFAN_BOLTZMANN
 from ...network.network import inverse
 from ...physics.time_varying import Dose, dose
 from ..scene import Scene
-from .bodies import PreparedGroup, TemperatureBounds
+from .bodies import PreparedGroup, TemperatureBounds, one_or_all
 from .body_program import BodyProgram
 from .program import Program
 
@@ -68,15 +68,15 @@ def temperature_bounds(
     """
     start = []
     for group in prepared:
-        start += [
+        uniform = [
             reference
             for body, reference in zip(
                 group.group.bodies, group.references, strict=True
             )
             if not callable(body.temperature)
         ]
-        for _, ends in group.start_ranges():
-            start += [ends[0], ends[1]]
+        start += [one_or_all(uniform)] if uniform else []
+        start += [ends for _, ends in group.start_ranges()]
     forcings = [term.forcing(end) for term in scene.terms]
     # Single operations on few numbers are fastest on the host.
     xp = namespace((start, forcings))
@@ -84,9 +84,11 @@ def temperature_bounds(
     lowest = [*start, *(forcing.lowest for forcing in forcings)]
     dtype = jnp.result_type(float)
     hottest = typed_array(
-        xp.stack([xp.asarray(v, float) for v in highest]).max(), dtype
+        xp.concatenate([xp.asarray(v, float) for v in highest], None).max(), dtype
     )
-    coldest = typed_array(xp.stack([xp.asarray(v, float) for v in lowest]).min(), dtype)
+    coldest = typed_array(
+        xp.concatenate([xp.asarray(v, float) for v in lowest], None).min(), dtype
+    )
     if any(_imposes_heat(program) for program in programs):
         around = jnp.asarray(hottest, scene.dtype)
         hottest = _highest(programs, around=around, end=end, duration=duration)

@@ -16,7 +16,7 @@ import jax.core
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import HOST
+from ...arrays import HOST, rows_of, rows_remembered
 from ...errors import shortened
 from ...memo.found import digest, found
 from ..scene import Scene
@@ -193,19 +193,21 @@ def _traced(
     def traced(arguments: list[Array]) -> list[Any]:
         leaves = list(scene_leaves)
         for batch, values in zip(batches, arguments, strict=True):
-            rows = values if len(batch) > 1 else [values]
+            rows = rows_of(values) if len(batch) > 1 else [values]
             for number, value in zip(batch, rows, strict=True):
                 leaves[numbers.positions[number]] = value
-        compiled, outline = jax.tree.flatten(bind(scene_outline.unflatten(leaves)))
+        compiled = bind(scene_outline.unflatten(leaves))
+        compiled_leaves, outline = jax.tree.flatten(compiled)
         outlines.append(outline)
-        computed = [isinstance(leaf, jax.core.Tracer) for leaf in compiled]
-        pairs = list(zip(compiled, computed, strict=True))
+        computed = [isinstance(leaf, jax.core.Tracer) for leaf in compiled_leaves]
+        pairs = list(zip(compiled_leaves, computed, strict=True))
         known.extend([None if is_computed else leaf for leaf, is_computed in pairs])
         return [leaf for leaf, is_computed in pairs if is_computed]
 
     # Arrays of geometry are arguments of the program: as its constants, XLA would keep
     # them twice and take long to compile.
-    closed = jax.make_jaxpr(traced)(arguments)
+    with rows_remembered():
+        closed = jax.make_jaxpr(traced)(arguments)
     jaxpr = closed.jaxpr
 
     def program(constants: list[Array], values: list[Any]) -> list[Any]:
