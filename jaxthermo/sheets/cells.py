@@ -2,8 +2,9 @@
 
 1. The triangles are welded, and cut until their edges are not longer than half a cell.
 2. A node starts as a connected part of the surface within one cell: two sheets in one
-   cell are two nodes. Small parts join a neighbour, and the surface goes to the nearest
-   node along it. Areas are those of the mesh, exactly.
+   cell are two nodes. Small parts join a neighbour, those around a narrow tube each
+   other (see `rings`), and the surface goes to the nearest node along it. Areas are
+   those of the mesh, exactly.
 3. Triangles with corners in three nodes form a coarse surface. Its Laplacian gives the
    conductances (see `tufted`).
 4. Each triangle gives each of its corners' nodes a third of its area, with its normal:
@@ -125,6 +126,7 @@ def sheet_cells(
             vertex=vertex_node,
             triangles=surface.faces,
             part=surface.part,
+            is_ring=np.zeros(len(vertex_node), bool),
         )
     fragments = surface_fragments(surface, vertex_node)
     position = coarse.node_position

@@ -2,8 +2,8 @@
 
 Where a strip is narrower than a cell its nodes form a chain, and no triangle has three
 of them. Such a node has two vertices of the coarse surface, one on each border: the
-strip keeps its width. Where even so no triangle joins two neighbours (a thin tube),
-they conduct by the length of the line between them over their distance.
+strip keeps its width. Where even so no triangle joins two neighbours (rings of a narrow
+tube), they conduct by the length of the line between them over their distance.
 """
 
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from ..geometry.mesh import edges_of
 from ..geometry.vectors import row_dot, triangle_normals
 from .borders import obtuse_feet
 from .partition import node_positions, with_border_nodes
+from .rings import ring_nodes
 from .strips import strips
 from .surface import Surface, proper_faces, summed_rows
 from .tufted import triangle_weights
@@ -23,6 +24,12 @@ from .tufted import triangle_weights
 
 _MAX_FLIPS = 10
 """Rounds of flips of edges that unfold triangles."""
+
+_FOLDED = 0.5
+"""Sum of the area vectors of a node over its area, from which it is an arc [-]."""
+
+_FLAT = 0.02
+"""The same, below which a node has no direction [-]."""
 
 _MIN_GAP = 0.15
 """Distance of an additional node on the border to its neighbours [cells]."""
@@ -57,6 +64,8 @@ class CoarseSurface(NamedTuple):
     """Coarse vertices of each triangle."""
     part: Int[np.ndarray, " t"]
     """Part of the mesh of each triangle."""
+    is_ring: Bool[np.ndarray, " n"]
+    """True for nodes that close around a tube: no triangle has them."""
 
     @property
     def node_position(self) -> Float[np.ndarray, "n 3"]:
@@ -109,6 +118,8 @@ def divided_surface(
 def _coarse_surface(surface: Surface, node: Int[np.ndarray, " v"]) -> CoarseSurface:
     position = node_positions(surface, node)
     count = len(position)
+    is_ring = ring_nodes(surface, node)
+    position[~is_ring] += _rises(surface, node, position)[~is_ring]
     narrow = strips(surface, node)
     position[narrow.node] = narrow.borders[:, 0]
     position = np.concatenate([position, narrow.borders[:, 1]])
@@ -116,7 +127,9 @@ def _coarse_surface(surface: Surface, node: Int[np.ndarray, " v"]) -> CoarseSurf
     second[narrow.node] = count + np.arange(len(narrow.node))
     vertex = np.where(narrow.is_second, second[node], node)
     corners = vertex[surface.faces]
-    proper = np.flatnonzero(proper_faces(corners))
+    # Rings are joined by lines, see `_chain_weights`: a triangle has half their width.
+    at_ring = is_ring[node[surface.faces]].any(1)
+    proper = np.flatnonzero(proper_faces(corners) & ~at_ring)
     corners = corners[proper]
     # The lowest corner first: both sides of a flattened tube stay.
     turn = (corners.argmin(1)[:, None] + np.arange(3)) % 3
@@ -131,6 +144,34 @@ def _coarse_surface(surface: Surface, node: Int[np.ndarray, " v"]) -> CoarseSurf
         vertex=vertex,
         triangles=_unfolded(position, rows[:, :3], part=rows[:, 3], normal=normal),
         part=rows[:, 3],
+        is_ring=is_ring,
+    )
+
+
+def _rises(
+    surface: Surface, node: Int[np.ndarray, " v"], position: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Ways of the nodes to points whose distances are those along the surface [m].
+
+    The mean of a curved surface lies below it, and chords are shorter than arcs. With
+    the sum S of the area vectors, m = |S|/A, and the mean height h of the planes of the
+    triangles over the position, a node moves by h/m along S: chords of equal arcs of a
+    circle are then as long as the arcs. Around the edge of a thin body it moves by h,
+    as far as the edge is deep.
+    """
+    count = len(position)
+    corners = node[surface.faces].ravel()
+    vector = np.repeat(surface.area[:, None] / 3 * surface.normal, 3, axis=0)
+    total = summed_rows(corners, vector, count)
+    length = np.sqrt(row_dot(total, total))
+    on_plane = np.repeat(surface.vertices[surface.faces[:, 0]], 3, axis=0)
+    height = row_dot(on_plane - position[corners], vector)
+    area = np.bincount(node, surface.vertex_area, count)
+    mean_height = np.bincount(corners, height, count) / area
+    closed = length / area
+    rise = mean_height / np.where(closed > _FOLDED, closed, 1.0)
+    return (
+        total * np.where(closed > _FLAT, rise / np.maximum(length, 1e-300), 0)[:, None]
     )
 
 
@@ -274,5 +315,6 @@ def _chain_weights(
     distance = np.linalg.norm(along, axis=1)
     distance = np.maximum(distance, 1e-3 * length)
     # A line that closes or turns back joins its nodes all the same.
-    width = np.maximum(row_dot(across, along) / distance, length / 4)
+    least = np.where(coarse.is_ring[src] | coarse.is_ring[dst], 0.01, 0.25) * length
+    width = np.maximum(row_dot(across, along) / distance, least)
     return src, dst, width / distance

@@ -7,6 +7,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..arrays import rank_in_group, sorted_union, unique_rows
 from ..geometry.vectors import row_dot
+from .rings import joined_rings
 from .surface import Surface
 
 
@@ -51,6 +52,7 @@ def cell_nodes(
     node = _connected(surface, cell_number)
     node = _without_small(surface, node, _SMALL)
     for _ in range(_ROUNDS):
+        node = joined_rings(surface, node, pitch)
         node = _nearest(surface, node, node_positions(surface, node))
     return _without_small(surface, node, _TINY)
 

@@ -70,3 +70,9 @@ def test_open_cylinder_converges_at_second_order():
 
 def test_spherical_shell_follows_its_series():
     assert sphere_error(3, 0.0075) < 0.002
+
+
+@pytest.mark.slow
+def test_spherical_shell_converges_at_second_order():
+    coarse, fine = sphere_error(2, 0.015), sphere_error(3, 0.0075)
+    assert np.log2(coarse / fine) >= 1.8

@@ -1,0 +1,74 @@
+"""Tubes and bars of sheet conduct as much along themselves as their circumference."""
+
+import numpy as np
+import pytest
+
+from jaxthermo.geometry.mesh import Mesh
+from jaxthermo.sheets.cells import sheet_cells
+from tests.sheets import conduction, open_cylinder, rotation, steady, turned
+
+
+PITCH = 1.0
+
+
+def open_bar(width: float, depth: float, length: float) -> Mesh:
+    """Bar along z of a rectangular section, without ends."""
+    square = open_cylinder(np.sqrt(0.5), length, sides=4)
+    matrix = np.diag([width, depth, 1.0]) @ np.array(
+        [[0.5**0.5, -(0.5**0.5), 0], [0.5**0.5, 0.5**0.5, 0], [0, 0, 1]]
+    )
+    return turned(square, matrix)
+
+
+def conductance_along(mesh, length, matrix):
+    """Conductance from end to end times the length, over that of a square [m]."""
+    cells = sheet_cells(turned(mesh, matrix), pitch=PITCH)
+    z = (cells.position @ matrix)[:, 2]
+    start = np.flatnonzero(z < 1e-9)
+    end = np.flatnonzero(z > length - 1e-9)
+    laplacian = conduction(cells)
+    temperature = steady(
+        laplacian,
+        np.zeros(len(z)),
+        held=np.concatenate([start, end]),
+        values=np.concatenate([np.ones(len(start)), np.zeros(len(end))]),
+    )
+    return (laplacian @ temperature)[start].sum() * length
+
+
+@pytest.mark.parametrize(
+    ("diameter", "tolerance"),
+    [
+        *((diameter, 0.02) for diameter in (0.3, 0.5, 0.7, 0.85, 1.0, 1.1)),
+        # Here rings and groups of a few nodes may follow each other.
+        (1.2, 0.08),
+        (1.4, 0.05),
+        *((diameter, 0.02) for diameter in (2.0, 3.0, 4.0)),
+    ],
+)
+def test_a_tube_conducts_as_wide_as_it_is(diameter, tolerance):
+    length = 12.0
+    sides = 48
+    around = 2 * sides * np.sin(np.pi / sides) * diameter / 2
+    mesh = open_cylinder(diameter / 2, length, sides)
+    for seed in range(4):
+        conductance = conductance_along(mesh, length, rotation(seed))
+        assert conductance == pytest.approx(around, rel=tolerance)
+
+
+@pytest.mark.parametrize("width", [0.3, 0.5, 0.7, 0.85, 1.0, 1.4, 2.0, 4.0])
+def test_a_bar_conducts_as_wide_as_it_is(width):
+    length = 12.0
+    mesh = open_bar(width, width, length)
+    for seed in range(4):
+        conductance = conductance_along(mesh, length, rotation(seed))
+        assert conductance == pytest.approx(4 * width, rel=0.02)
+
+
+@pytest.mark.parametrize("width", [0.3, 0.7, 1.2])
+def test_a_flat_bar_conducts_as_wide_as_it_is(width):
+    length = 12.0
+    mesh = open_bar(width, 0.15 * width, length)
+    for seed in range(4):
+        conductance = conductance_along(mesh, length, rotation(seed))
+        assert conductance == pytest.approx(2.3 * width, rel=0.02)
