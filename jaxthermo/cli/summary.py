@@ -212,7 +212,7 @@ def _probe_columns(solution: Solution) -> list[np.ndarray]:
     return list(np.asarray(solution.probe_temperature, float).T)
 
 
-def _effort(effort: SolverStatistics | None) -> dict[str, float] | None:
+def _effort(effort: SolverStatistics | None) -> dict[str, int | float] | None:
     if effort is None:
         return None
     return {

@@ -9,6 +9,7 @@ from typing_extensions import TypedDict
 
 from .kinds.sheet import Sheet
 from .kinds.shell import IrregularMultiLevel
+from .kinds.skin import Skin
 from .sheet_report import SheetReport, sheet_report
 from .structure import AbstractStructure
 
@@ -93,6 +94,14 @@ def _options(structure: AbstractStructure) -> dict[str, object]:
             [float(layer.thickness) for layer in stack] for stack in structure.stacks
         ]
         return {"cells": structure.cells_through, "thickness_m": thickness}
+    if isinstance(structure, Skin):
+        divided = structure.structure
+        kind = type(divided).__name__
+        return {
+            "cells": structure.cells,
+            "columns": structure.column_count,
+            "structure": {"kind": kind, **_options(divided)},
+        }
     init = [field.name for field in fields(structure) if field.init]
     names = [name for name in init if name not in ("grid", "weights")]
     return {name: getattr(structure, name) for name in names}

@@ -143,6 +143,51 @@ def test_a_checkpoint_that_does_not_fit_is_ignored(
     same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
 
 
+WITH_WALLS = """
+bodies:
+  - shape: {kind: box, size: [30 cm, 20 cm, 15 cm]}
+    sheet:
+      layers:
+        - {material: steel, thickness: 1 mm}
+        - {material: mineral_wool, thickness: 1 cm}
+      pitch: 10 cm
+      cells: 3
+    interior: {temperature: 40 degC, heat_transfer_coefficient: 4 W/(m^2 K)}
+    temperature: 20 degC
+  - shape: {kind: box, size: [10 cm, 10 cm, 10 cm]}
+    pitch: 5 cm
+    skin: {cells: 3}
+    material: brick
+    temperature: 20 degC
+    pose: {translation: [0.6, 0, 0]}
+terms:
+  - {kind: sun, direction: [0.5, 0.2, -1], irradiance: 800}
+  - {kind: radiative_exchange, temperature: 280}
+time: {end: 20 s, save_at: [5 s, 12 s, 20 s]}
+camera: {width: 40, height: 30}
+"""
+
+
+@pytest.mark.parametrize(
+    "solver", ["forward_euler", pytest.param("trbdf2", marks=pytest.mark.slow)]
+)
+def test_a_run_with_walls_and_a_skin_goes_on_and_ends_the_same(
+    tmp_path, stop_at, solver
+):
+    path = scene_file(tmp_path, WITH_WALLS)
+    steps = sets(f"solver={{kind: {solver}, dt: 0.5 s}}")
+    succeed("simulate", path, "--out", tmp_path / "whole", *steps)
+    out = tmp_path / "parts"
+    for step in (3, 25):
+        stop_at(step)
+        assert run("simulate", path, "--out", out, *steps).status == 130
+    assert len(stop_at(None)) == 0
+    assert "going on from" in succeed("simulate", path, "--out", out, *steps)
+    same_arrays(out / "solution.npz", tmp_path / "whole/solution.npz")
+    energies = [(tmp_path / name / "energy.csv") for name in ("whole", "parts")]
+    assert energies[0].read_text() == energies[1].read_text()
+
+
 # Checkpoints after every segment or second, and time to be killed between them.
 KILLED = """
 import sys, time

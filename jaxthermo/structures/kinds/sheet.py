@@ -54,7 +54,8 @@ class Sheet(AbstractStructure):
     grid: SheetGrid = eqx.field(static=True)
     divisions: tuple[Division, ...] = eqx.field(static=True)
     """Cells through the thickness of every part."""
-    weights: ConductionWeights = ConductionWeights()
+    weights: ConductionWeights = eqx.field(static=True, default=ConductionWeights())
+    """Weights of 1: nothing of a sheet is fitted but the values of its layers."""
 
     def __init__(
         self,

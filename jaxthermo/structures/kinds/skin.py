@@ -105,7 +105,7 @@ class Skin(AbstractVoxelStructure):
         self.cells = whole_number(self.cells, "Skin(cells=)")
         if self.cells > _MAX_CELLS:
             raise InputError(f"Skin(cells={self.cells}): give {_MAX_CELLS} or fewer")
-        if not self._column_count:
+        if not self.column_count:
             raise InputError(
                 f"Skin(on={self.on!r}) selects no surface of its body: check its "
                 "corners or its normal, which are in the body's own frame, in metres"
@@ -174,12 +174,13 @@ class Skin(AbstractVoxelStructure):
         return np.flatnonzero(selected)
 
     @property
-    def _column_count(self) -> int:
+    def column_count(self) -> int:
+        """Number of fragments that columns of cells lie below."""
         return len(self._fragments)
 
     @property
     def _cell_count(self) -> int:
-        return self.cells * self._column_count
+        return self.cells * self.column_count
 
     @property
     @override
@@ -247,7 +248,7 @@ class Skin(AbstractVoxelStructure):
         undivided = self.structure.links()
         location = self.structure.nodes().location
         first = self._cell_count
-        columns = self._column_count
+        columns = self.column_count
         thickness = np.diff(division.edge, axis=0)
         cell = np.arange(first, dtype=np.int32)
         inner = np.append(cell[columns:], first + division.hub).astype(np.int32)
@@ -275,7 +276,7 @@ class Skin(AbstractVoxelStructure):
     def columns(self) -> ColumnLayout:
         cell = np.arange(self._cell_count, dtype=np.int32)
         return ColumnLayout(
-            link=cell.reshape(self.cells, self._column_count),
+            link=cell.reshape(self.cells, self.column_count),
             hub=self._cell_count + self._division().hub,
             are_linked=False,
         )
@@ -359,7 +360,7 @@ class Skin(AbstractVoxelStructure):
         below = (column >= 0) & (self._cell_count + division.hub[column] == node)
         cell = (depth >= division.edge[1:, column]).sum(axis=0)
         in_column = below & (cell < self.cells)
-        return np.where(in_column, cell * self._column_count + column, node)
+        return np.where(in_column, cell * self.column_count + column, node)
 
 
 class _Division(NamedTuple):

@@ -7,9 +7,11 @@ import pytest
 
 from jaxthermo.geometry.shapes import rectangle
 from jaxthermo.material.layer import Layer
+from jaxthermo.structures.kinds.aggregate import Aggregate
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.sheet import Sheet
 from jaxthermo.structures.kinds.shell import IrregularMultiLevel, SingleShell
+from jaxthermo.structures.kinds.skin import Skin
 from jaxthermo.structures.report import structure_report
 from tests.bodies import blocks
 
@@ -20,13 +22,14 @@ def grid():
     return blocks((position**2).sum(0) < 40, 0.5)
 
 
-@pytest.fixture(params=["full", "links", "shell", "irregular"])
+@pytest.fixture(params=["full", "links", "shell", "irregular", "skin"])
 def structure(request, grid):
     return {
         "full": FullVolume(grid),
         "links": FullVolume(grid, stencil=False),
         "shell": SingleShell(grid, "own"),
         "irregular": IrregularMultiLevel(grid, levels=2),
+        "skin": Skin(Aggregate(grid, 2), cells=3),
     }[request.param]
 
 
