@@ -30,7 +30,8 @@ def load_parts(
     DAE, object, group and material of an OBJ; "-" stands for one that there is not. The
     second part of a name ends in "#2". Names are in the order of the file, and the same
     in every run. Parts have the positions that `load_mesh` gives them with the same
-    arguments. A part may be closed, or a patch of a surface: no hole is filled.
+    arguments. A part may be closed, or a patch of a surface: no hole is filled, and the
+    front of a patch is where the file has it.
 
     Args:
         path: the file.
@@ -69,7 +70,7 @@ def separate_parts(path: Path, mesh: FileMesh, scale: FileScale) -> dict[str, Me
             axes=scale.axes,
         )
         # Welded, so that a closed part is watertight.
-        meshes[label] = repair_mesh(patch, max_hole_edges=0)
+        meshes[label] = repair_mesh(patch, max_hole_edges=0, turns_open=False)
     return meshes
 
 

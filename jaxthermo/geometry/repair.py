@@ -31,12 +31,16 @@ _MIN_COMPACTNESS = 1e-3
 _MAX_HOLE_AREA = 0.1
 
 
-def repair_mesh(mesh: Mesh, *, max_hole_edges: int = MAX_HOLE_EDGES) -> Mesh:
+def repair_mesh(
+    mesh: Mesh, *, max_hole_edges: int = MAX_HOLE_EDGES, turns_open: bool = True
+) -> Mesh:
     """Weld, clean, orient and close a mesh; `Mesh.repairs` counts the changes.
 
     Equal vertices are merged, degenerate and duplicate faces and unused vertices
     removed, faces wound consistently and outward (a part inside another that points
     the other way stays a cavity), and holes of at most `max_hole_edges` edges filled.
+    Without `turns_open` the winding of a part that stays open is that of most of its
+    faces in the file, which says where the front of a wall is.
     """
     # A face of zero area between three distinct vertices stays: without it its
     # neighbours would have open edges.
@@ -48,7 +52,7 @@ def repair_mesh(mesh: Mesh, *, max_hole_edges: int = MAX_HOLE_EDGES) -> Mesh:
     closed, counts["filled_holes"] = _fill_small_holes(
         replace(mesh, faces=aligned), max_hole_edges
     )
-    outward = _outward_winding(closed)
+    outward = _outward_winding(closed, turns_open)
     turned = outward[: len(mesh.faces)] != mesh.faces
     counts["flipped_faces"] = int(turned.any(1).sum())
     mesh = _drop_unused(replace(closed, faces=outward))
@@ -141,7 +145,7 @@ def _consistent_winding(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]
     return _flip(faces, (differs ^ outvoted[lower_label]) & ~one_sided[lower_label])
 
 
-def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
+def _outward_winding(mesh: Mesh, turns_open: bool) -> Int[np.ndarray, "f 3"]:
     """Wind each outermost part outward, flipping the parts inside it along with it."""
     # Flipping nested parts together keeps their sense relative to each other: a cavity
     # stays a cavity, whichever way the file wound the outer surface.
@@ -153,6 +157,8 @@ def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
     closed = is_closed(edges_of(mesh.faces), labels, part_count)
     min_compactness = np.where(closed, 0.0, _MIN_COMPACTNESS)
     inward = volumes < -min_compactness * areas**1.5
+    if not turns_open:
+        inward &= closed
     if not inward.any():
         return mesh.faces
     triangles = mesh.triangles

@@ -134,6 +134,22 @@ def test_groups_of_an_obj_that_are_patches_of_one_surface(tmp_path):
     ).all()
 
 
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_the_front_of_an_open_part_is_where_the_file_has_it(tmp_path, is_reversed):
+    """A floor and a wall: the same mesh as one of a solid would be turned outward."""
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (1, 1, 1), (0, 1, 1)]
+    faces = [(1, 2, 3), (1, 3, 4), (4, 3, 5), (4, 5, 6)]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners]
+    order = -1 if is_reversed else 1
+    lines += ["f {} {} {}".format(*face[::order]) for face in faces]
+    path = tmp_path / "corner.obj"
+    path.write_text("\n".join(lines) + "\n")
+    (part,) = jt.load_parts(path, unit="m").values()
+    assert "flipped_faces" not in part.repairs
+    up, _, _ = part.area_vectors[0][::-1]
+    assert np.sign(up) == (-1.0 if is_reversed else 1.0)
+
+
 def test_parts_that_do_not_fit():
     box = shapes.box(0.04)
     grid = jt.voxelize(box, 0.01)
