@@ -10,11 +10,15 @@
 With several bodies, the largest number counts, and the smallest `voxels_across`.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from ..material.layer import Layer
+from ..material.material import Material
 from ..physics.term import OperatingPoint
+from ..structures.kinds.sheet import Sheet
 from .scene import Body, Scene
 
 
@@ -33,8 +37,10 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     grid = body.structure.grid
     volume = body.structure.volume
     length = float(volume / grid.fragment_area.sum())
-    # Of several materials the base one stands for the body.
+    # Of several materials the base one stands for the body, of parts the first one.
     material: Any = getattr(body.material, "materials", (body.material,))[0]
+    if isinstance(body.structure, Sheet):
+        material = _through(body.structure.stacks[0])
     start = body.temperature
     # A start that varies is near room temperature as far as these numbers go.
     kelvin = 300.0 if callable(start) else float(start)
@@ -58,3 +64,16 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
         "voxels_across": length / grid.pitch,
         "heating": flux * length / k,
     }
+
+
+def _through(stack: Sequence[Layer]) -> Material:
+    """Material of a wall of one layer that is like a stack through its thickness."""
+    thickness = float(sum(layer.thickness for layer in stack))
+    mass = float(sum(layer.material.density * layer.thickness for layer in stack))
+    return Material(
+        thickness / float(sum(layer.resistance for layer in stack)),
+        density=mass / thickness,
+        specific_heat=float(sum(layer.capacity for layer in stack)) / mass,
+        emissivity=stack[0].material.emissivity,
+        absorptivity=stack[0].material.absorptivity,
+    )

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import PositionVarying, is_traced
 from ..errors import InputError, require
@@ -402,6 +402,8 @@ class BodyGeometry:
     part_names: tuple[str, ...] = ()
     is_two_sided: bool = False
     """True if both sides of every triangle are surfaces: those of a thin wall."""
+    is_enclosed: Bool[np.ndarray, " s"] | None = None
+    """Fragments that nothing from outside reaches at the start; None for none."""
 
     @property
     def placed(self) -> Pose:
@@ -419,10 +421,9 @@ class BodyGeometry:
 
         Those of the back of a thin wall follow those of its front in the same order.
         """
-        faces = self.faces
         if not self.is_two_sided:
-            return faces
-        return found((faces,), "both sides", lambda: both_sides(faces))
+            return self.faces
+        return found((self.faces,), "both sides", lambda: both_sides(self.faces))
 
 
 def both_sides(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
@@ -434,6 +435,7 @@ def body_geometry(
     grid: AbstractGrid,
     pose: Pose | Motion,
     material: Material | AbstractMaterials | None = None,
+    is_enclosed: Bool[np.ndarray, " s"] | None = None,
 ) -> BodyGeometry:
     """The part of a body's surface that a camera needs after the run."""
     fragment_part = None
@@ -456,6 +458,7 @@ def body_geometry(
         fragment_part=fragment_part,
         part_names=names,
         is_two_sided=grid.is_two_sided,
+        is_enclosed=is_enclosed,
     )
 
 

@@ -68,7 +68,7 @@ class SpecularReflection(AbstractSurfaceEffect):
     of the irradiance E of a source, whose direction is alpha from the mirrored line of
     sight; with this factor no more than rho E is reflected. The lobe sees another
     mixture of sky and ground than the hemisphere, where nothing in the image hides them
-    (`occlusion`). Other bodies are not mirrored.
+    (`occlusion`) and outside of closed cavities. Other bodies are not mirrored.
     """
 
     rank = 1
@@ -91,6 +91,9 @@ class SpecularReflection(AbstractSurfaceEffect):
         sky = above - (1 + view.normal[:, 2]) / 2
         if view.open_fraction is not None:
             sky = sky * view.open_fraction
+        if view.is_enclosed is not None:
+            # There the hemisphere and the lobe see the same walls.
+            sky = sky * (1 - view.means(view.is_enclosed.astype(float)))
         return _Lobes(lobes, sky)
 
     def _lobes(

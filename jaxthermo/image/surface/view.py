@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse import csr_array
 
 from ...geometry.vectors import row_dot, unit_vectors
@@ -86,6 +86,8 @@ class View:
     """Number of the part within its body, -1 where it has none; None without any."""
     part_names: tuple[tuple[str, ...], ...] = ()
     """Names of the parts of every body."""
+    is_enclosed: Bool[np.ndarray, " s"] | None = None
+    """Fragments that nothing from outside reaches; None for none."""
     _results: dict[Hashable, Any] = field(init=False, repr=False, default_factory=dict)
 
     def once(self, key: Hashable, compute: Callable[[], _T]) -> _T:
@@ -197,7 +199,24 @@ def compute_view(
         facets=geometry.facets,
         part_id=_part_ids(surfaces, geometry.weights),
         part_names=tuple(surface.geometry.part_names for surface in surfaces),
+        is_enclosed=_enclosed(surfaces),
     )
+
+
+def _enclosed(
+    surfaces: tuple[SolvedSurface, ...],
+) -> Bool[np.ndarray, " s"] | None:
+    """Fragments of all bodies that nothing from outside reaches; None for none."""
+    geometries = [surface.geometry for surface in surfaces]
+    if all(geometry.is_enclosed is None for geometry in geometries):
+        return None
+    masks = [
+        np.zeros(len(geometry.fragment_area), bool)
+        if geometry.is_enclosed is None
+        else geometry.is_enclosed
+        for geometry in geometries
+    ]
+    return np.concatenate(masks)
 
 
 def _part_ids(

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, UInt8
+from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from ...archive import read_archive, select_arrays
 from ...errors import InputError
@@ -100,6 +100,8 @@ class BodyArrays(NamedTuple):
     part_names: UInt8[np.ndarray, " n"] | None = None
     # Of a thin wall: 1, both sides of its triangles are surfaces.
     is_two_sided: UInt8[np.ndarray, ""] | None = None
+    # Of a body with cavities: fragments that nothing from outside reaches.
+    is_enclosed: Bool[np.ndarray, " s"] | None = None
 
     def present(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, without those that the body does not have."""
@@ -129,6 +131,7 @@ def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyA
         fragment_part=geometry.fragment_part,
         part_names=names,
         is_two_sided=np.asarray(1, np.uint8) if geometry.is_two_sided else None,
+        is_enclosed=geometry.is_enclosed,
     )
 
 
@@ -252,6 +255,7 @@ def solved_surface(body: BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSu
         fragment_part=body.fragment_part,
         part_names=_part_names(body),
         is_two_sided=body.is_two_sided is not None and bool(body.is_two_sided),
+        is_enclosed=body.is_enclosed,
     )
     return SolvedSurface(
         geometry, jnp.asarray(body.emissivity), jnp.asarray(body.absorptivity)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool
 
 from ...arrays import is_compiling, is_traced
 from ...memo.found import on_device, searches_recorded
@@ -26,7 +27,7 @@ from ...physics.radiation.irradiation import (
     SurfaceRadiation,
     surface_radiation,
 )
-from ...physics.surface import Note, Omitted
+from ...physics.surface import BodySurface, Note, Omitted
 from ...physics.term import AbstractExchangeTerm
 from ...structures.sheet_report import sheet_notes, sheet_warnings
 from ..air import bodies_with_surface, check_airs
@@ -302,7 +303,12 @@ def _bind(
         start=tuple(body.state for body in prepared),
         state_shapes=tuple(body.structure.state_shape for body in prepared),
         geometries=tuple(
-            body_geometry(surface.grid, body.pose, body.material)
+            body_geometry(
+                surface.grid,
+                pose=body.pose,
+                material=body.material,
+                is_enclosed=_unreached(surface),
+            )
             for body, surface in zip(bodies_with_surface(scene), surfaces, strict=True)
         ),
         emissivity=coefficients[0],
@@ -334,6 +340,13 @@ def _notes(
                 for note in binding.notes:
                     if note.body == body:
                         yield names[number], note
+
+
+def _unreached(surface: BodySurface) -> Bool[np.ndarray, " s"] | None:
+    """Fragments in closed cavities and on adiabatic backs; None for none."""
+    masks = (surface.enclosed, surface.grid.adiabatic)
+    unreached = [mask for mask in masks if mask is not None]
+    return np.logical_or.reduce(unreached) if unreached else None
 
 
 def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:

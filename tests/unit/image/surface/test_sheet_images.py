@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.image.pose.coverage import coverage
@@ -195,6 +195,32 @@ def test_a_mirror_shows_what_its_side_faces(height, radiance):
     image = jt.render(jt.simulate(scene, 0.0), camera_above(height), effects=effects)
     shown = np.asarray(image.apparent_temperature)[seen(image)]
     assert_allclose(shown, 250.0 if radiance == "sky" else 320.0, atol=3.0)
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_a_glossy_room_mirrors_its_walls_and_no_sky(inside, tmp_path):
+    """Walls of one temperature: inside all that is seen has it, sky is outside."""
+    shiny = jt.Material(45.0, 7850.0, specific_heat=480.0, emissivity=0.1)
+    room = jt.Sheet(jt.shapes.box((2.0, 2.0, 2.0)), (jt.Layer(shiny, 1e-3),), 0.5)
+    scene = jt.Scene(
+        (jt.Body(room, temperature=300.0),),
+        (jt.RadiativeExchange(250.0, ground=350.0),),
+        dtype="float64",
+    )
+    solution = jt.simulate(scene, 0.0)
+    save_solution(tmp_path / "solution.npz", solution)
+    (stored,) = load_solution(tmp_path / "solution.npz").surfaces
+    enclosed = stored.geometry.is_enclosed
+    assert_array_equal(enclosed, solution.surfaces[0].geometry.is_enclosed)
+    distance = 0.0 if inside else 5.0
+    camera = jt.Camera((distance, 0.0, 0.0), (-1.0, 0.2, 0.1), width=40, height=30)
+    effects = (SpecularReflection(fraction=1.0, exponent=50.0),)
+    image = jt.render(solution, camera, effects=effects)
+    kelvin = np.asarray(image.apparent_temperature)[seen(image)]
+    if inside:
+        assert_allclose(kelvin, 300.0, atol=0.05)
+    else:
+        assert np.ptp(kelvin) > 10.0
 
 
 def test_surfaces_in_the_image_hide_what_is_behind_a_sheet():
