@@ -12,12 +12,15 @@ from jaxthermo.accuracy.surface_error import surface_error
 from jaxthermo.arrays import precision
 from jaxthermo.config.card_file import load_card
 from jaxthermo.config.loader import load_config
+from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.scene.scene import mechanism_names
 from jaxthermo.structures.extrapolation import extrapolations, range_words
+from jaxthermo.structures.kinds.sheet import Sheet
+from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.structures.weights import ConductionWeights, FitCard
 
 from ..config.fit_record import (
@@ -29,10 +32,13 @@ from ..config.fit_record import (
 from ..config.frame_names import is_of_frames
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration
-from ..problem.parameters import find_path, with_values
+from ..problem.parameters import find_paths, with_values
 from ..problem.reference import full_volume_run
 from ..solvers.fit import Fit
 
+
+_SHEET = "sheet"
+"""Kind of the structure of a card that has no weights."""
 
 _MAX_ERROR_RATIO = 1.02
 """Largest error of a valid card's weights, over the error with weights of 1."""
@@ -64,9 +70,10 @@ def make_card(
     # Each mechanism once, in the order of the cases.
     mechanisms = [name for c in problem.cases for name in mechanism_names(c.scene)]
     bodies = [calibration.configs[case.name].bodies[0] for case in problem.cases]
+    structure = first.scene.bodies[0].structure
     return FitCard(
         name=config.name or "",
-        structure=bodies[0].structure.options_of(first.scene.bodies[0].structure),
+        structure=_options_of(structure, bodies[0]),
         weights=ConductionWeights(**arrays),
         parameters=coefficients,
         ranges={
@@ -80,9 +87,23 @@ def make_card(
             for group, errors in each_group(result["error_percent"])
         },
         error_kelvin=_truth_errors(result.get("truth")),
-        surface_cells=first.scene.bodies[0].structure.voxels.surface_cells,
+        surface_cells=_surface_cells(structure),
         origin=_origin(config, result),
     )
+
+
+def _options_of(
+    structure: AbstractStructure, config: BodyConfig
+) -> Mapping[str, object]:
+    """Kind and options of a structure, as a card has them."""
+    if isinstance(structure, Sheet):
+        return {"kind": _SHEET, "cells": structure.cells_through}
+    return config.structure.options_of(structure)
+
+
+def _surface_cells(structure: AbstractStructure) -> str:
+    """Surface cells of a structure's voxels; empty for a sheet, which has none."""
+    return "" if isinstance(structure, Sheet) else structure.voxels.surface_cells
 
 
 def _truth_errors(truth: TruthRecord | None) -> dict[str, dict[str, float]]:
@@ -157,13 +178,15 @@ def check_card(
         numbers=numbers,
         mechanisms=mechanism_names(scene),
         geometry=config.bodies[0].geometry,
-        surface_cells=scene.bodies[0].structure.voxels.surface_cells,
+        surface_cells=_surface_cells(scene.bodies[0].structure),
     )
     reference = full_volume_run(config, 0.25, log)
-    weights_path = ("bodies", 0, "structure", "weights")
-    changes: dict[tuple[str | int, ...], Any] = {weights_path: card.weights}
+    changes: dict[tuple[str | int, ...], Any] = {}
+    if card.structure["kind"] != _SHEET:
+        changes["bodies", 0, "structure", "weights"] = card.weights
     for name, value in card.parameters.items():
-        changes[find_path(scene, name)] = jnp.asarray(value)
+        for path in find_paths(scene, name):
+            changes[path] = jnp.asarray(value)
     # Both runs share the scene's voxels and structure, which are slow to build.
     fitted = with_values(scene, changes)
     errors = {}
@@ -190,6 +213,15 @@ def _with_structure(config: SceneConfig, card: FitCard) -> SceneConfig:
     if len(config.bodies) != 1:
         raise InputError("check: the scene has several bodies; a card is of one")
     (body,) = config.bodies
+    is_sheet = card.structure["kind"] == _SHEET
+    if is_sheet != (body.wall is not None):
+        kinds = ("a solid", "a sheet")
+        raise InputError(
+            f"check: the card is of {kinds[is_sheet]}, and the scene's body is "
+            f"{kinds[not is_sheet]}"
+        )
+    if is_sheet:
+        return config
     unknown = InputError(
         "check: this version does not know the card's structure "
         f"{card.structure}: fit again"

@@ -22,7 +22,8 @@ from jaxtyping import Array, Float
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.image.radiance.band import Band, black_radiance
-from jaxthermo.scene.scene import Scene
+from jaxthermo.scene.scene import Body, Scene
+from jaxthermo.structures.kinds.sheet import Sheet
 
 from ..config.schema import CalibrationConfig, FramesConfig
 from ..problem.parameters import Path, value_at, with_values
@@ -132,10 +133,23 @@ def _emissivity_change(
     return np.asarray(rows[0], float)
 
 
+def _surface_materials(body: Body, number: int) -> list[Path]:
+    """Paths of the materials at the surface of the body with this number."""
+    if not isinstance(body.structure, Sheet):
+        return [("bodies", number, "material")]
+    paths: set[Path] = set()
+    for part, stack in enumerate(body.structure.stacks):
+        for layer in (0, len(stack) - 1):
+            paths.add(
+                ("bodies", number, "structure", "stacks", part, layer, "material")
+            )
+    return sorted(paths)
+
+
 def _with_emissivities(scene: Scene, factor: Float[Array, ""]) -> Scene:
     values: dict[Path, Any] = {}
     for number, body in enumerate(scene.bodies):
-        paths: list[Path] = [("bodies", number, "material", "emissivity")]
+        paths = [(*path, "emissivity") for path in _surface_materials(body, number)]
         paths += [
             ("bodies", number, "coatings", n, "emissivity")
             for n in range(len(body.coatings))

@@ -7,12 +7,14 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.shipped_cards import SCHEME, shipped_cards
 
 from ..problem.reference import voxel_pitch
+from ..problem.sheet_cells import resized_sheet
 
 
-Family = Literal["full_volume", "aggregate", "octree", "shell_over_core"]
+Family = Literal["full_volume", "aggregate", "octree", "shell_over_core", "sheet"]
 Method = Literal["super_time_stepping", "forward_euler", "trbdf2"]
 
 FAMILIES: tuple[Family, ...] = ("full_volume", "aggregate", "octree", "shell_over_core")
+"""Families of solids; all bodies of the family "sheet" are sheets."""
 _WORDS = {"full_volume": "full volume", "shell_over_core": "shell over a core"}
 _METHOD_WORDS = {"super_time_stepping": "RKL2", "trbdf2": "TR-BDF2"}
 
@@ -74,6 +76,8 @@ class Candidate(NamedTuple):
                 f"{mm * self.factor:.3g}" for mm in dict.fromkeys(voxels)
             )
             text = f"blocks of {blocks} mm from {listed} mm voxels"
+        elif self.family == "sheet":
+            text = f"sheets in cells of {listed} mm"
         elif self.family == "shell_over_core":
             text = f"shell over a core of x{self.factor}, {listed} mm voxels"
         else:
@@ -90,7 +94,15 @@ class Candidate(NamedTuple):
             pitches: of its bodies [m].
         """
         plain = scene.model_dump(mode="json", exclude_none=True)
-        for body, pitch in zip(plain["bodies"], pitches, strict=True):
+        for number, pitch in enumerate(pitches):
+            config = scene.bodies[number]
+            body = plain["bodies"][number]
+            if config.wall is not None:
+                # Its cells are as large as the blocks of solids.
+                resized = resized_sheet(config, pitch * self.size, self.size)
+                entry = resized.model_dump(mode="json", exclude_none=True)
+                plain["bodies"][number] = entry
+                continue
             body.pop("voxels_high", None)
             body["pitch"] = pitch / self.refinement
             body["structure"] = self.structure

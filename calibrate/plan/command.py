@@ -289,8 +289,9 @@ def _words(choice: Choice, pitches: tuple[float, ...]) -> list[str]:
     """Sentences on the chosen model and on the reference that it was compared with."""
     finest = choice.reference
     cost = finest.cost
+    cells = "cells" if cost.get("structure") == "sheet" else "blocks of 2^3 voxels"
     reference = (
-        f"The reference has {cost['nodes']:,} nodes in blocks of 2^3 voxels of "
+        f"The reference has {cost['nodes']:,} nodes in {cells} of "
         f"{_millimetres(cost['pitch_m'])}, and is itself off by about "
         f"{finest.percent:.2g} % ({finest.kelvin:.2g} K), which counts: the "
         f"difference from it may be {max(0.0, finest.allowed):.2g} of the tolerance."

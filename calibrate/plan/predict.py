@@ -22,7 +22,9 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.sheets.through import GROWTH
 
+from ..problem.sheet_cells import through_count
 from .candidate import Candidate
 
 
@@ -77,16 +79,40 @@ class Size(NamedTuple):
     """In cubes of the pitches [-]."""
     area: float
     """In squares of the pitches [-]."""
+    sheet_area: float = 0.0
+    """Area of sheets in squares of their pitches [-]."""
+    through: float = 1.0
+    """Mean number of cells through sheets [-]."""
+
+    @property
+    def is_of_sheets(self) -> bool:
+        """True if there is no solid among the bodies."""
+        return not self.volume
+
+    def edge_of(self, nodes: int) -> float:
+        """Edge of cells of which there are so many, without a solid's surface [-]."""
+        of_sheets = self.sheet_area * self.through
+        roots = np.roots([self.volume, of_sheets, 0.0, -float(nodes)])
+        return 1 / float(roots[np.isreal(roots) & (roots.real > 0)].real[0])
 
 
 def scene_size(scene: SceneConfig, pitches: tuple[float, ...]) -> Size:
     """Volume and area of all bodies of a scene, in their pitches [m]."""
-    meshes = [body.build_mesh() for body in scene.bodies]
-    pairs = list(zip(meshes, pitches, strict=True))
-    return Size(
-        volume=sum(abs(mesh.volume) / pitch**3 for mesh, pitch in pairs),
-        area=sum(mesh.area / pitch**2 for mesh, pitch in pairs),
-    )
+    volume = 0.0
+    area = 0.0
+    sheet_area = 0.0
+    sheet_nodes = 0.0
+    for body, pitch in zip(scene.bodies, pitches, strict=True):
+        mesh = body.build_mesh()
+        cells = mesh.area / pitch**2
+        if body.wall is None:
+            volume += abs(mesh.volume) / pitch**3
+            area += cells
+        else:
+            sheet_area += cells
+            sheet_nodes += cells * through_count(body.wall)
+    through = sheet_nodes / sheet_area if sheet_area else 1.0
+    return Size(volume=volume, area=area, sheet_area=sheet_area, through=through)
 
 
 class Forecast(NamedTuple):
@@ -178,7 +204,7 @@ class Predictor:
         c_voxels, c_second, c_euler = values[4:7]
         log_errors = [c_voxels - p * math.log(candidate.refinement)]
         line = candidate.line
-        if candidate.family != "full_volume":
+        if candidate.family not in ("full_volume", "sheet"):
             # A line that was not run is like those that were.
             line_values = values[7:]
             c = (
@@ -251,7 +277,9 @@ class Predictor:
         )
 
     def _fragments(self, candidate: Candidate) -> float:
-        return 1.5 * self._size.area * candidate.refinement**2
+        size = self._size
+        of_sheets = 4.0 * size.sheet_area / candidate.size**2
+        return 1.5 * size.area * candidate.refinement**2 + of_sheets
 
     def _bytes_of(self, run: Measured) -> float:
         return 100.0 * (run.nodes + run.fragments)
@@ -279,12 +307,18 @@ def expected_nodes(candidate: Candidate, size: Size) -> float:
     cells = size.volume / voxel**3
     blocks = size.volume / block**3 + 0.6 * size.area / block**2
     layer = min(size.area / voxel**2, cells)
-    return {
+    of_solids = {
         "full_volume": cells,
         "aggregate": blocks,
         "octree": min(2.0 * layer, cells),
         "shell_over_core": min(layer + blocks, cells),
+        "sheet": 0.0,
     }[candidate.family]
+    through = 1.0
+    if size.through > 1:
+        # Half as wide at both faces, and each cell wider than the one before.
+        through = max(size.through - 2 * math.log(block) / math.log(GROWTH), 1.0)
+    return of_solids + through * size.sheet_area / block**2
 
 
 _LOG_COSTS = np.log([_PER_EVALUATION, _PER_NODE])

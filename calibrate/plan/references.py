@@ -137,7 +137,7 @@ class References:
         self._times: list[tuple[int, float]] = []
         self.latest: Reference | None = None
         # In powers of two: the user's own pitch is among the candidates.
-        first = 2.0 ** round(math.log2(_FIRST_VOXELS / size.volume) / 3)
+        first = 2.0 ** round(math.log2(2 / size.edge_of(_FIRST_VOXELS // 8)))
         self._next_refinement = first / COARSENING ** (_RUNS - 1)
 
     def planned(self) -> list[Expected]:
@@ -211,7 +211,7 @@ class References:
         for run, difference in zip(
             (middle, coarsest), error.differences.max(axis=0), strict=True
         ):
-            blocks = Candidate(run.refinement, "aggregate", 2, steps=_CONVERGED)
+            blocks = self._blocks(run.refinement)._replace(steps=_CONVERGED)
             excess = self._tolerance.excess(
                 percent_per_kelvin * float(difference), kelvin=float(difference)
             )
@@ -238,7 +238,13 @@ class References:
         return Expected(refinement=refinement, nodes=round(nodes), seconds=seconds)
 
     def _nodes(self, refinement: float) -> float:
-        return expected_nodes(Candidate(refinement, "aggregate", 2), self.size)
+        return expected_nodes(self._blocks(refinement), self.size)
+
+    def _blocks(self, refinement: float) -> Candidate:
+        """A reference as a candidate; in it, cells of sheets are as large as blocks."""
+        if self.size.is_of_sheets:
+            return Candidate(refinement / 2, "sheet")
+        return Candidate(refinement, "aggregate", 2)
 
 
 def counted_error(error: DiscretizationError) -> tuple[float, float]:

@@ -40,6 +40,10 @@ _IMPLICIT_STEPS = (18, 36, 72)
 _COARSENINGS = (0, 1, 2, 3, 4, 5, 6)
 """Pitches of candidates, in powers of sqrt(2) of the finest one."""
 
+_SHEET_COARSENINGS = range(2, 14)
+"""The same of the cells of sheets, where there is no solid. Those of the reference are
+twice as large as its voxels."""
+
 _PROBE_NODES = 300
 """Number of blocks of the coarsest of the first candidates, without the surface's."""
 
@@ -237,23 +241,11 @@ class _Search:
 
     def _probe(self) -> None:
         finest = self.reference.refinement / 2
-        edge = (self.size.volume / _PROBE_NODES) ** (1 / 3)
-        # The finest voxels take the longest to prepare: once, if others have blocks.
-        common = finest / 2
-        single = finest
-        if edge * common < _FACTORS[2]:
-            common, single = single, common
-        large = _factor_near(edge * common)
-        small = _factor_near(edge * common / 2)
-        base = Candidate(common, "aggregate", large, steps=_PROBE_STEPS)
-        probes = (
-            base,
-            base._replace(factor=small),
-            base._replace(steps=_FEW_PROBE_STEPS),
-            base._replace(refinement=single, factor=_factor_near(edge * single / 2)),
-            # Its error in time may be opposite to that of its blocks.
-            base._replace(method="forward_euler", steps=0),
-        )
+        edge = self.size.edge_of(_PROBE_NODES)
+        if self.size.is_of_sheets:
+            probes = _first_sheets(finest / 2, edge)
+        else:
+            probes = _first_blocks(finest, edge)
         # In coarse voxels two of them may be equal.
         for candidate in dict.fromkeys(probes):
             self._try(candidate)
@@ -321,9 +313,12 @@ class _Search:
 
     def _candidates(self) -> Iterator[Candidate]:
         finest = self.reference.refinement / 2
-        refinements = [finest * 2 ** (-power / 2) for power in _COARSENINGS]
         models: list[Candidate] = []
-        for refinement in refinements:
+        if self.size.is_of_sheets:
+            sizes = (finest * 2 ** (-power / 2) for power in _SHEET_COARSENINGS)
+            models += [Candidate(size, "sheet") for size in sizes]
+        for power in () if models else _COARSENINGS:
+            refinement = finest * 2 ** (-power / 2)
             for family in FAMILIES:
                 factors = _factors(family)
                 models += [Candidate(refinement, family, f) for f in factors]
@@ -383,6 +378,43 @@ class _Search:
         times = self.bench.times(candidates, repeats=_REPEATS)
         pairs = zip(alike, times, strict=True)
         return min(pairs, key=lambda pair: pair[1].median)
+
+
+def _first_sheets(finest: float, edge: float) -> tuple[Candidate, ...]:
+    """First candidates where there is no solid, up to the finest refinement.
+
+    Args:
+        finest: largest refinement [-].
+        edge: of the cells of the coarsest one, over the pitch of the scene's file [-].
+    """
+    base = Candidate(min(1 / edge, finest / 2), "sheet", steps=_PROBE_STEPS)
+    return (
+        base,
+        base._replace(refinement=2 * base.refinement),
+        base._replace(steps=_FEW_PROBE_STEPS),
+        # Its error in time may be opposite to that of its cells.
+        base._replace(method="forward_euler", steps=0),
+    )
+
+
+def _first_blocks(finest: float, edge: float) -> tuple[Candidate, ...]:
+    """First candidates of solids, alone or beside sheets; arguments as above."""
+    # The finest voxels take the longest to prepare: once, if others have blocks.
+    common = finest / 2
+    single = finest
+    if edge * common < _FACTORS[2]:
+        common, single = single, common
+    large = _factor_near(edge * common)
+    small = _factor_near(edge * common / 2)
+    base = Candidate(common, "aggregate", large, steps=_PROBE_STEPS)
+    return (
+        base,
+        base._replace(factor=small),
+        base._replace(steps=_FEW_PROBE_STEPS),
+        base._replace(refinement=single, factor=_factor_near(edge * single / 2)),
+        # Its error in time may be opposite to that of its blocks.
+        base._replace(method="forward_euler", steps=0),
+    )
 
 
 def _factor_near(target: float) -> int:

@@ -12,8 +12,16 @@ from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.quantities import NUMBER, to_si
 from jaxthermo.errors import InputError, located
+from jaxthermo.integrate.explicit import MIN_STAGES, stage_count
 from jaxthermo.integrate.run.parametric_run import ParametricRun
+from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
+from jaxthermo.integrate.solvers import (
+    TRBDF2,
+    AbstractSolver,
+    ErrorControl,
+    SuperTimeStepping,
+)
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.scene.scene import Scene
 
@@ -46,7 +54,7 @@ from .parameters import (
     Path,
     Prior,
     Smoothness,
-    find_path,
+    find_paths,
     value_at,
 )
 from .problem import Case, Problem
@@ -59,6 +67,12 @@ from .reference import (
 )
 from .targets import AbstractTarget, FrameTarget, surface_target
 
+
+_ERROR_IN_TIME = 1e-4
+"""Error in time of runs with sheets over the range of the surface [-]."""
+
+_STIFFER = 2.0
+"""Stable step at the start of a fit over that up to which its steps stay."""
 
 _DEFAULT_SMOOTHNESS = 0.5
 """Standard deviation of log(weight) of a link from its neighbours' mean."""
@@ -209,7 +223,12 @@ class _Builder:
 
     def run(self, case: schema.CaseConfig) -> ParametricRun:
         config = self.configs[case.name]
-        return ParametricRun(config.time.save_times, config.solver.build())
+        solver = config.solver.build()
+        if isinstance(solver, ErrorControl | None) and any(
+            body.wall is not None for body in config.bodies
+        ):
+            solver = _accurate_solver(config, self.scenes[case.name])
+        return ParametricRun(config.time.save_times, solver)
 
     def frames(self, case: schema.CaseConfig) -> CaseFrames:
         if case.name not in self.read_frames:
@@ -337,6 +356,22 @@ def _parameter(config: ParameterConfig, scene: Scene) -> Parameter:
     )
 
 
+def _accurate_solver(config: SceneConfig, scene: Scene) -> AbstractSolver:
+    """Solver with as many steps as the error in time of a scene requires.
+
+    The stable step of a wall may be as long as the time in which it warms: explicit
+    steps of that length are stable, and not accurate.
+    """
+    control = ErrorControl(relative_error=_ERROR_IN_TIME)
+    saves = config.time.save_times
+    run = simulate(scene, config.time.last, saves, solver=control, throw=False).run
+    dt = config.time.last / run.steps
+    if run.solver == TRBDF2.__name__ or run.stable_step is None:
+        return TRBDF2(dt=dt)
+    stages = stage_count(dt, run.stable_step / _STIFFER)
+    return SuperTimeStepping(dt=dt, stages=max(stages, MIN_STAGES))
+
+
 def _path_and_start(
     config: ParameterConfig, scene: Scene
 ) -> tuple[Path, np.ndarray | np.generic]:
@@ -345,8 +380,14 @@ def _path_and_start(
         if config.per is not None:
             raise InputError(f"parameter {config.name}: `per` is for weights only")
         return (), _frame_start(config)
-    path = find_path(scene, config.name)
-    return path, _start_values(config, path, scene)
+    paths = find_paths(scene, config.name)
+    values = [value_at(scene, path) for path in paths]
+    if config.start is None and any(value != values[0] for value in values[1:]):
+        raise InputError(
+            f"parameter {config.name}: its parts have several values: name one of "
+            "them, as in sheet.layers.roof.0.thickness, or give a `start`"
+        )
+    return paths[0], _start_values(config, paths[0], scene)
 
 
 def _frame_start(config: ParameterConfig) -> np.ndarray | np.generic:

@@ -6,12 +6,15 @@ Together the parameters are one vector z of unconstrained coordinates, 0 at the 
 The path of a number, as in "bodies.0.structure.weights.within", consists of the fields
 of the Python objects and of list indices. `weights`, `material` and `temperature` stand
 for those of a scene's only body, and a term may be named by its mechanism, as in
-`sun.irradiance`. Numbers of frames, not of a scene, are in `config.frame_names`.
+`sun.irradiance`. A layer of a sheet is that of all parts, as in
+`sheet.layers.0.thickness`, or of some, as in `sheet.layers.glass_*.0.thickness`.
+Numbers of frames, not of a scene, are in `config.frame_names`.
 """
 
 import difflib
 import functools
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Literal
@@ -25,7 +28,9 @@ from jaxtyping import Array, Float, Int
 from jaxthermo.arrays import precision
 from jaxthermo.config.types.quantities import extreme_mistake
 from jaxthermo.errors import InputError
+from jaxthermo.geometry.parts import pattern_of_parts
 from jaxthermo.scene.scene import Scene, mechanism_names
+from jaxthermo.structures.kinds.sheet import Sheet
 
 from ..config.frame_names import REFLECTED, is_of_camera, is_of_frames
 from ..config.scales import typical_size
@@ -42,6 +47,11 @@ _ABBREVIATIONS: dict[str, Path] = {
     "temperature": ("bodies", 0, "temperature"),
 }
 """Short names in a scene of one body."""
+
+_LAYER = re.compile(
+    r"(?:bodies\.(?P<body>\d+)\.)?sheet\.layers\.(?:(?P<part>.+)\.)?"
+    r"(?P<layer>\d+)\.(?P<field>\D.*)"
+)
 
 # The constructor's argument and the field that keeps it differ.
 _FIELD_OF = {"absorptivity": "given_absorptivity"}
@@ -77,6 +87,37 @@ def find_path(scene: Scene, name: str) -> Path:
         listed = ", ".join(map(str, _children(node)))
         raise InputError(f"parameter {name}: name one of its parts: {listed}")
     return path
+
+
+def find_paths(scene: Scene, name: str) -> tuple[Path, ...]:
+    """Resolve a dotted name to the paths of everything in a scene that it names.
+
+    One path, but one for each part for a layer of a sheet with parts.
+
+    Raises:
+        InputError: for a name of no number of the scene.
+    """
+    match = _LAYER.fullmatch(name)
+    if match is None:
+        return (find_path(scene, name),)
+    if match["body"] is None and len(scene.bodies) > 1:
+        raise InputError(
+            f"parameter {name}: the scene has {len(scene.bodies)} bodies: say which, "
+            f"as in bodies.0.{name}"
+        )
+    number = int(match["body"] or 0)
+    sheet = scene.bodies[number].structure if number < len(scene.bodies) else None
+    if not isinstance(sheet, Sheet):
+        raise InputError(f"parameter {name}: there is no sheet of body {number}")
+    names = list(sheet.grid.part_names)
+    pattern = match["part"]
+    parts = range(len(sheet.stacks))
+    if pattern is not None:
+        patterns = pattern_of_parts(names, [pattern, "*"], f"parameter {name}")
+        parts = [n for n, part in enumerate(names) if patterns[part] == pattern]
+    body = f"bodies.{number}.structure.stacks"
+    layer = f"{match['layer']}.{match['field']}"
+    return tuple(find_path(scene, f"{body}.{part}.{layer}") for part in parts)
 
 
 def value_at(scene: Scene, path: Path) -> Any:
@@ -295,11 +336,13 @@ class ParameterSet:
         for name in self.paths:
             if is_of_frames(name):
                 continue
-            first_name = names.setdefault(find_path(scene, name), name)
-            if first_name != name:
-                raise InputError(
-                    f"parameter {name}: it is {first_name} too: leave one of them out"
-                )
+            for path in find_paths(scene, name):
+                first_name = names.setdefault(path, name)
+                if first_name != name:
+                    raise InputError(
+                        f"parameter {name}: it is {first_name} too: leave one of them "
+                        "out"
+                    )
         if scene.allow_extreme_temperatures:
             return
         for parameter in self.parameters:
@@ -340,7 +383,10 @@ class ParameterSet:
         # Runs when a program is traced, not at each evaluation.
         values = self._by_path(z).items()
         scene_values = {
-            find_path(scene, n): v for n, v in values if not is_of_frames(n)
+            path: value
+            for name, value in values
+            if not is_of_frames(name)
+            for path in find_paths(scene, name)
         }
         return with_values(scene, scene_values) if scene_values else scene
 
@@ -357,7 +403,7 @@ class ParameterSet:
                 value = (
                     None
                     if is_of_frames(p.name)
-                    else value_at(scene, find_path(scene, p.name))
+                    else value_at(scene, find_paths(scene, p.name)[0])
                 )
                 if value is None or callable(value):
                     value = start

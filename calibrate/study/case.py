@@ -17,7 +17,7 @@ from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.scene.scene import Body, Scene
-from jaxthermo.voxels.grid import VoxelGrid
+from jaxthermo.voxels.abstract_grid import AbstractGrid
 
 from ..config.schema import AbsoluteReference, Changes
 from ..problem.reference import program_hash, reference_key
@@ -124,8 +124,8 @@ def _kinds(value: Any) -> Any:
     return value if isinstance(value, str | bool | type(None)) else "number"
 
 
-_VOXELS = ("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells")
-"""Fields of a body's config that its voxels follow from."""
+_VOXELS = ("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells", "sheet")
+"""Fields of a body's config that its voxels, or the cells of a sheet, follow from."""
 
 
 class _Built(NamedTuple):
@@ -209,7 +209,7 @@ def _bodies(configs: Keyed[tuple[BodyConfig, ...]]) -> _Bodies:
 
 
 @lru_cache(maxsize=3)
-def _grid(config: Keyed[BodyConfig]) -> tuple[VoxelGrid, float]:
+def _grid(config: Keyed[BodyConfig]) -> tuple[AbstractGrid, float]:
     clock = time.perf_counter()
     grid = config.value.build_grid()
     return grid, time.perf_counter() - clock

@@ -314,7 +314,7 @@ def _time_of(case: Case, timed: Case, times: Row) -> Row:
 
 
 def _voxels(case: Case) -> str:
-    fields = ("mesh", "shape", "pitch", "voxels_high", "surface_cells")
+    fields = ("mesh", "shape", "pitch", "voxels_high", "surface_cells", "sheet")
     bodies = [
         [str(getattr(body, name)) for name in fields] for body in case.config.bodies
     ]

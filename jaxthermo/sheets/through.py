@@ -32,8 +32,8 @@ from ..material.layer import Layer
 SHORTEST_TIME = 60.0
 """Duration of a load that the cells at the faces resolve by default [s]."""
 
-# Width of a cell over that of its neighbour nearer to a face.
-_GROWTH = 1.5
+GROWTH = 1.5
+"""Width of a cell over that of its neighbour nearer to a face."""
 
 MAX_CELLS = 64
 """Largest number of cells through a thickness."""
@@ -116,7 +116,7 @@ def _widths(layers: Sequence[Layer]) -> Float[np.ndarray, " l"]:
 def _relative_widths(count: int, from_front: bool) -> Float[np.ndarray, " m"]:
     number = np.arange(count)
     steps = number if from_front else np.minimum(number, number[::-1])
-    return _GROWTH ** steps.astype(float)
+    return GROWTH ** steps.astype(float)
 
 
 def _move_to(interfaces: Float[np.ndarray, " i"], edges: Float[np.ndarray, " e"]):

@@ -5,6 +5,7 @@ from functools import cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from jaxtyping import Float
 from pydantic import Discriminator, Field, Tag
 from typing_extensions import override
 
@@ -118,13 +119,22 @@ class SheetConfig(Model):
         """
         (parts,) = args
         arguments = super().arguments()
-        arguments["layers"] = _built_layers(self.layers)
+        arguments["layers"] = self.built_layers()
         if self.held is not None:
             arguments["back"] = "adiabatic"
-        if self.pitch is None:
-            bounds = np.concatenate([mesh.bounds for mesh in parts.values()])
-            arguments["pitch"] = float(np.ptp(bounds, axis=0).max()) / _CELLS_OF_SIZE
+        bounds = np.concatenate([mesh.bounds for mesh in parts.values()])
+        arguments["pitch"] = self.pitch_on(bounds)
         return jaxthermo.Sheet(parts, **arguments)
+
+    def pitch_on(self, bounds: Float[np.ndarray, "n 3"]) -> float:
+        """Edge of the cells along a surface with these bounds [m]."""
+        if self.pitch is not None:
+            return self.pitch
+        return float(np.ptp(bounds, axis=0).max()) / _CELLS_OF_SIZE
+
+    def built_layers(self) -> Any:
+        """The layers of all parts, or those by part."""
+        return _built_layers(self.layers)
 
 
 def _built_layers(layers: Any) -> Any:
