@@ -112,7 +112,7 @@ class _RadiativeExchangeConfig(
 
     temperature: Varying[si.Temperature]
     ground: Varying[si.Temperature] | None = None
-    max_patches: Annotated[si.Whole, Field(ge=6, le=4096)] = 128
+    max_patches: Annotated[si.Whole, Field(ge=6, le=100_000)] = 128
     directions: Directions | None = None
     error: Annotated[si.Number, Field(gt=0, lt=1)] = 0.01
     max_directions: Annotated[si.Whole, Field(ge=128, le=100_000)] = 4096

@@ -23,6 +23,7 @@ from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
 from ...geometry.mesh import Pose
+from ...memo.found import found
 from ...raster.views import cap_directions, half_sphere_directions
 from .line_hits import LineScene, Segments, displaced_views, outline, segments_along
 from .patches import PatchedBody
@@ -61,7 +62,7 @@ class _Bundle(NamedTuple):
 
     number: int
     points: Float[np.ndarray, "n 3"]
-    """Points that the lines must surround, world [m]."""
+    """Corners of the hull that the lines must surround, world [m]."""
     pixel: float
     """Distance between lines [m]."""
 
@@ -88,7 +89,9 @@ def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> _Bundles:
         together = [bodies[number] for number in group]
         points = np.concatenate([body.vertices for body in together])
         spacing = _dense(float(pixel[group].min()), together, lines)
-        bundles.append(_Bundle(number=len(bundles), points=points, pixel=spacing))
+        bundles.append(
+            _Bundle(number=len(bundles), points=outline(points), pixel=spacing)
+        )
     counts = [body.patches.count for body in bodies]
     return _Bundles(bundles=bundles, of_patch=np.repeat(bundle, counts))
 
@@ -125,7 +128,11 @@ def sample_all_directions(
     A view has `lines` lines across each body, or two across each patch if it is None.
     """
     # A line counts both ways, so that half of the directions are enough, rounded up.
-    bundles, of_patch = _bundles(scene.bodies, lines)
+    bundles, of_patch = found(
+        (scene.vertices,),
+        ("bundles of lines", lines),
+        lambda: _bundles(scene.bodies, lines),
+    )
     half = (directions + 1) // 2
     ahead = half_sphere_directions(half)
     totals = LineSums(
@@ -143,7 +150,7 @@ def sample_all_directions(
         pixels = (extent / pixel + 2) ** 2
         at_once = int(min(_MAX_TRIANGLES // len(scene.faces), _MAX_PIXELS // pixels))
         at_once = max(1, min(_MAX_VIEWS, at_once)) if len(bundles) == 1 else 1
-        views = displaced_views(outline(bundle.points), ahead, pixel)
+        views = displaced_views(bundle.points, ahead, pixel)
         while batch := tuple(islice(views, at_once)):
             segments = segments_along(scene, batch)
             waiting.append(_of_bundle(segments, of_patch, bundle))

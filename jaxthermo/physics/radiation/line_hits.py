@@ -244,6 +244,8 @@ def _is_false(
     same_body = (met.thin_body[1:] == met.thin_body[:-1]) & (met.thin_body[1:] >= 0)
     is_false = same_body & (met.cavity[1:] != met.cavity[:-1])
     start = np.flatnonzero(gap & same_body & ~is_false)
+    if not len(start):
+        return is_false
     corners = scene.vertices[scene.faces]
     for near, far in ((start, start + 1), (start + 1, start)):
         triangle = hits.triangle[near]
