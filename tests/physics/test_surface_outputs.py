@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 import jaxthermo as jt
 from jaxthermo.errors import InputError
 from tests.bodies import bar, body_at
+from tests.shallow import SHALLOW
 
 
 CLAY = jt.Material(1.0, 2000.0, 1000.0, emissivity=0.8)
@@ -21,6 +22,7 @@ def scene_of(*terms, bodies=None, outputs=BOTH):
     return jt.Scene(scene_bodies, terms, dtype="float64", surface_outputs=outputs)
 
 
+@SHALLOW
 @pytest.mark.slow
 @pytest.mark.slice
 def test_the_flux_of_all_fragments_is_what_a_body_stores():
