@@ -5,8 +5,7 @@ weights depend on the view only: a frame costs one sparse product.
 """
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field, fields
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -89,12 +88,31 @@ class View:
     is_enclosed: Bool[np.ndarray, " s"] | None = None
     """Fragments that nothing from outside reaches; None for none."""
     _results: dict[Hashable, Any] = field(init=False, repr=False, default_factory=dict)
+    _of_geometry: dict[Hashable, Any] = field(
+        init=False, repr=False, default_factory=dict
+    )
+    """Results that do not depend on the terms."""
 
     def once(self, key: Hashable, compute: Callable[[], _T]) -> _T:
         """Result of `compute`, which all frames of the view share."""
         if key not in self._results:
             self._results[key] = compute()
         return self._results[key]
+
+    def _once(self, key: Hashable, compute: Callable[[], _T]) -> _T:
+        """Result of `compute`, which the view of `with_terms` takes over."""
+        if key not in self._of_geometry:
+            self._of_geometry[key] = compute()
+        return self._of_geometry[key]
+
+    def with_terms(self, terms: tuple[AbstractTerm, ...]) -> "View":
+        """The same pixels at another time, at which sources are somewhere else."""
+        background = compute_background(
+            terms, camera=self.camera, pixel=self.pixel, depth=self.depth
+        )
+        view = replace(self, terms=terms, background=background)
+        view._of_geometry.update(self._of_geometry)
+        return view
 
     def means(self, values: Array | np.ndarray) -> Array | np.ndarray:
         """Weighted means of fragments' values at the pixels, [s, ...] to [p, ...]."""
@@ -109,12 +127,12 @@ class View:
             entries = weights.data.astype(dtype), weights.indices, weights.indptr
             return csr_array(entries, shape=weights.shape)
 
-        return self.once(("weights", dtype), typed)
+        return self._once(("weights", dtype), typed)
 
     def geometry_frames(self, dtype: np.typing.DTypeLike) -> _GeometryFrames:
         """Depth, body, normal and part of every pixel, which cannot be changed."""
         pixel_type = np.dtype(dtype)
-        return self.once(("frames", pixel_type), lambda: self._frames(pixel_type))
+        return self._once(("frames", pixel_type), lambda: self._frames(pixel_type))
 
     def _frames(self, dtype: np.dtype) -> _GeometryFrames:
         def frame(values: np.ndarray, background: float | int) -> np.ndarray:
@@ -130,9 +148,12 @@ class View:
             part_id=None if part_id is None else frame(part_id.astype(np.int32), -1),
         )
 
-    @cached_property
+    @property
     def sight(self) -> LinesOfSight:
         """Lines of sight of the pixels."""
+        return self._once("sight", self._find_sight)
+
+    def _find_sight(self) -> LinesOfSight:
         origin, step = self.camera.rays(self.pixel)
         length = np.linalg.norm(step, axis=1)
         towards = -step / length[:, None]
@@ -364,11 +385,12 @@ _MAX_VIEWS = 4
 
 
 class _KeptView(NamedTuple):
-    """A view of a scene in which nothing moves, and what it was computed from."""
+    """A view of bodies that do not move, and what it was computed from."""
 
     key: tuple[Any, ...]
-    """Bodies but the first, terms, camera and options."""
+    """Bodies but the first, camera and options."""
     view: View
+    """With the terms of the last frame."""
 
 
 def kept_view(
@@ -381,26 +403,30 @@ def kept_view(
 ) -> View:
     """View of bodies and sources where they are at a time [s], as `compute_view`.
 
-    The last four views of a scene in which nothing moves are kept, as long as a
-    solution of it lives.
+    The last four views of a scene in which no body moves are kept, as long as a
+    solution of it lives. Sources may move: they do not change what a pixel shows.
     """
     first, *further_bodies = (surface.geometry for surface in surfaces)
     radius = np.asarray(-1.0 if occlusion is None else occlusion, float).tobytes()
-    key = (*further_bodies, *terms, *_identity(camera), smooth, radius)
+    key = (*further_bodies, *_identity(camera), smooth, radius)
+    # What moves is another object at every time.
+    terms_then = tuple(term.at(time) for term in terms)
     # Released with the geometry of the first body.
     views: list[_KeptView] = found((first,), "kept views", list)
     for number, entry in enumerate(views):
         if _same(entry.key, key):
             # The most recently used view is dropped last.
-            views.append(views.pop(number))
-            return entry.view
+            view = entry.view
+            if not _same(view.terms, terms_then):
+                view = view.with_terms(terms_then)
+            del views[number]
+            views.append(_KeptView(key, view))
+            return view
     bodies_then = tuple(surface.at(time) for surface in surfaces)
-    terms_then = tuple(term.at(time) for term in terms)
     view = compute_view(
         bodies_then, terms=terms_then, camera=camera, smooth=smooth, occlusion=occlusion
     )
-    # What moves is another object at every time.
-    if _same((*bodies_then, *terms_then), (*surfaces, *terms)):
+    if _same(bodies_then, surfaces):
         views.append(_KeptView(key, view))
         del views[:-_MAX_VIEWS]
     return view

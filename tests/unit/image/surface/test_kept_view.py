@@ -8,7 +8,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.image.surface import view as view_module
-from jaxthermo.image.surface.view import kept_view
+from jaxthermo.image.surface.view import compute_view, kept_view
 from jaxthermo.memo.found import found
 
 
@@ -77,11 +77,37 @@ def test_what_moves_has_a_view_at_each_time(computed):
         pixels.append(kept_view(posed, (), camera()).pixel)
     assert len(computed) == 2 and len(pixels[0]) > 0
     assert not np.array_equal(pixels[0], pixels[1])
-    lamp = jt.PointSource(lambda time: (0.1, 0.01 * time, 0.1), 1.0)
+
+
+def test_a_source_moves_within_one_view(computed):
+    lamp = jt.PointSource(
+        lambda time: (0.0, 0.05 - 0.1 * time, 0.05), 1.0, min_distance=0.02
+    )
     still = solve(source=lamp)
+    pixels = []
     for time in (0.0, 1.0):
-        kept_view(still.surfaces, (lamp.at(time),), camera())
-    assert len(computed) == 4
+        terms = (lamp.at(time),)
+        view = kept_view(still.surfaces, terms, camera())
+        new_view = compute_view(still.surfaces, terms, camera())
+        (source,) = view.background.sources
+        (expected,) = new_view.background.sources
+        np.testing.assert_array_equal(source.pixel, expected.pixel)
+        np.testing.assert_array_equal(source.depth, expected.depth)
+        pixels.append(source.pixel)
+    assert not np.array_equal(pixels[0], pixels[1])
+    assert len(computed) == 1
+
+
+def test_frames_of_a_moving_source_are_those_of_new_views():
+    lamp = jt.PointSource(
+        lambda time: (0.0, 0.05 - 0.1 * time, 0.05), 1.0, min_distance=0.02
+    )
+    solution = solve(source=lamp)
+    first = jt.render(solution, camera())
+    later = tuple(term.at(1.0) for term in solution.terms)
+    kept_view(solution.surfaces, later, camera())
+    again = jt.render(solution, camera())
+    np.testing.assert_array_equal(first.radiance, again.radiance)
 
 
 @pytest.mark.slow
