@@ -325,13 +325,27 @@ def unique_rows(
     key = np.zeros(len(rows), np.int64)
     for column, lowest, count in zip(rows.T, low, counts, strict=True):
         key = key * count + (column - lowest)
-    order = np.argsort(key)
-    key = key[order]
+    first, number = numbered(key)
+    return rows[first], number
+
+
+class Numbered(NamedTuple):
+    """Different numbers of an array, in their order."""
+
+    first: Int[np.ndarray, " k"]
+    """Index at which each occurs first."""
+    number: Int[np.ndarray, " n"]
+    """Rank of each entry among them."""
+
+
+def numbered(key: Int[np.ndarray, " n"]) -> Numbered:
+    """Number the different ones of numbers of at least 0, as by `np.unique`."""
+    ordered, order = sorted_with_order(key)
     begins = np.ones(len(key), bool)
-    np.not_equal(key[1:], key[:-1], out=begins[1:])
+    np.not_equal(ordered[1:], ordered[:-1], out=begins[1:])
     number = np.empty(len(key), np.intp)
     number[order] = np.cumsum(begins) - 1
-    return rows[order[begins]], number
+    return Numbered(order[begins], number)
 
 
 LIST_ENTRY_COST = 10.0

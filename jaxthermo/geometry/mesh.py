@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import linear_map, static_numbers
+from ..arrays import linear_map, numbered, static_numbers
 from ..errors import InputError, require, shortened
 from .rotation import Turn, Way, shortest_way, way_by_angle
 from .vectors import unit_vector
@@ -253,7 +253,8 @@ def edges_of(faces: Int[np.ndarray, "f 3"]) -> _Edges:
     # One integer per edge, which sorts faster than rows of two.
     width = int(faces.max(initial=0)) + 1
     key = np.minimum(start, end) * width + np.maximum(start, end)
-    _, edge, uses = np.unique(key, return_inverse=True, return_counts=True)
+    first, edge = numbered(key)
+    uses = np.bincount(edge, minlength=len(first))
     upward = np.where(start < end, 1.0, -1.0)
     balance = np.bincount(edge, weights=upward, minlength=len(uses)).astype(np.int64)
     return _Edges(start=start, end=end, edge=edge, uses=uses, balance=balance)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..arrays import numbered
 from ..geometry.vectors import row_dot, unit_vectors
 from .surface import Surface, summed_rows
 
@@ -39,11 +40,9 @@ def surface_fragments(
     # Thirds of one face of the mesh have one normal: these are compared.
     origins = int(surface.origin.max()) + 1
     key = (corner_node * origins + surface.origin[:, None]).ravel()
-    piece, entry = np.unique(key, return_inverse=True)
-    first_corner = np.zeros(len(piece), np.int64)
-    first_corner[entry] = np.arange(len(entry))
+    first_corner, entry = numbered(key)
     triangle = first_corner // 3
-    node = piece // origins
+    node = key[first_corner] // origins
     part = surface.part[triangle]
     group = _similar_normals(node * parts + part, surface.normal[triangle])
     # Numbered in the order of their nodes.
@@ -58,7 +57,7 @@ def surface_fragments(
     total = np.bincount(fragment, area, count)
     # A face that welding has collapsed may have no third with an area.
     weight = np.where(total[fragment] > 0, area, 1.0)
-    thirds = corner_thirds(surface.vertices[surface.faces]).reshape(-1, 3)
+    thirds = surface.thirds.reshape(-1, 3)
     normal = np.repeat(surface.normal, 3, axis=0)
     weights = np.bincount(fragment, weight, count)
     moment = summed_rows(fragment, weight[:, None] * thirds, count)
@@ -72,12 +71,6 @@ def surface_fragments(
         part=group_part,
         of_corner=fragment.reshape(-1, 3),
     )
-
-
-def corner_thirds(triangles: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 3 3"]:
-    """Centroids of the thirds of triangles that are nearest to their corners [m]."""
-    centroid = triangles.mean(axis=1, keepdims=True)
-    return (5 * triangles + 7 * centroid) / 12
 
 
 def _similar_normals(

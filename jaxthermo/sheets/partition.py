@@ -5,10 +5,10 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import rank_in_group, sorted_union, unique_rows
+from ..arrays import numbered, rank_in_group, sorted_union, unique_rows
 from ..geometry.vectors import row_dot
 from .rings import joined_rings
-from .surface import Surface
+from .surface import Surface, summed_rows
 
 
 _ORIGIN = 0.4877
@@ -99,8 +99,7 @@ def _without_small(
         joined[stays] = stays
     while (joined[joined] != joined).any():
         joined = joined[joined]
-    _, node = np.unique(joined[node], return_inverse=True)
-    return node
+    return numbered(joined[node]).number
 
 
 def with_border_nodes(
@@ -187,16 +186,11 @@ def node_positions(
     vertices = surface.vertices
     count = int(node.max()) + 1
     position = np.zeros((count, 3))
-    centroid = vertices[surface.faces].mean(axis=1, keepdims=True)
-    thirds = (5 * vertices[surface.faces] + 7 * centroid) / 12
+    total = np.bincount(node, surface.vertex_area, count)[:, None]
+    moment = summed_rows(node, surface.vertex_moment, count)
+    np.divide(moment, total, out=position, where=total > 0)
     # Those with precedence are written last.
-    weighted = [
-        (
-            node[surface.faces].ravel(),
-            np.repeat(surface.area / 3, 3),
-            thirds.reshape(-1, 3),
-        )
-    ]
+    weighted = []
     for ends, is_corner in (
         (surface.creases, surface.crease_corners),
         (surface.border, surface.border_corners),

@@ -16,8 +16,8 @@ from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.lattice import Lattice
 from ..voxels.selection import FACES, AbstractSelection, AbstractSpace, SurfaceSamples
 from .cells import SheetCells
-from .fragments import corner_thirds
 from .insides import SheetInsides, find_insides
+from .surface import corner_thirds
 
 
 FRONT = FACES.index("front")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import sorted_union
+from ..arrays import numbered, sorted_union, stable_order
 from ..geometry.mesh import edges_of
 from ..geometry.vectors import row_dot, unit_vectors
 
@@ -52,13 +52,25 @@ class Surface:
         proper = start != end
         key = np.concatenate([start * count + end, end * count + start])
         key = sorted_union(key[np.concatenate([proper, proper])])
-        return np.stack([key // count, key % count], axis=1)
+        # Contiguous by columns, which are read one by one.
+        return np.stack([key // count, key % count]).T
 
     @cached_property
     def vertex_area(self) -> Float[np.ndarray, " v"]:
         """A third of the area of the triangles at each vertex [m^2]."""
         corners = self.faces.ravel()
         return np.bincount(corners, np.repeat(self.area / 3, 3), len(self.vertices))
+
+    @cached_property
+    def thirds(self) -> Float[np.ndarray, "t 3 3"]:
+        """Centroids of the thirds of the triangles nearest to their corners [m]."""
+        return corner_thirds(self.vertices[self.faces])
+
+    @cached_property
+    def vertex_moment(self) -> Float[np.ndarray, "v 3"]:
+        """Sum of area times centroid of the thirds at each vertex [m^3]."""
+        moment = np.repeat(self.area / 3, 3)[:, None] * self.thirds.reshape(-1, 3)
+        return summed_rows(self.faces.ravel(), moment, len(self.vertices))
 
     @cached_property
     def border(self) -> Int[np.ndarray, "b 2"]:
@@ -70,7 +82,7 @@ class Surface:
     def partition_edges(self) -> Int[np.ndarray, "k 2"]:
         """Ends of the edges of three, five, .. faces, one of each edge's sides."""
         edges = self.edges
-        _, first = np.unique(edges.edge, return_index=True)
+        first = numbered(edges.edge).first
         first = first[(edges.uses % 2 == 1) & (edges.uses > 1)]
         return np.stack([edges.start[first], edges.end[first]], axis=1)
 
@@ -78,7 +90,7 @@ class Surface:
     def creases(self) -> Int[np.ndarray, "c 2"]:
         """Ends of the edges of creases, of branches and between parts."""
         edges = self.edges
-        order = np.argsort(edges.edge, kind="stable")
+        order = stable_order(edges.edge)
         first = order[np.diff(edges.edge[order], prepend=-1) != 0]
         pairs = order[edges.uses[edges.edge[order]] == 2].reshape(-1, 2)
         # Faces of opposite winding run along their edge in the same direction.
@@ -115,6 +127,12 @@ class Surface:
         # |a + b|^2 = 2 + 2 cos, which is 2 - 2 cos of the turn.
         turns = row_dot(away, away) > 2 - 2 * SHARP_TURN
         return (uses > 0) & ((uses != 2) | turns)
+
+
+def corner_thirds(triangles: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 3 3"]:
+    """Centroids of the thirds of triangles that are nearest to their corners [m]."""
+    centroid = triangles.mean(axis=1, keepdims=True)
+    return (5 * triangles + 7 * centroid) / 12
 
 
 def proper_faces(faces: Int[np.ndarray, "t 3"]) -> Bool[np.ndarray, " t"]:
