@@ -11,7 +11,7 @@ from tests.shallow import SHALLOW
 
 
 # The ball is coarse: what is compared is the arithmetic.
-pytestmark = pytest.mark.filterwarnings("ignore:body 0 represents")
+pytestmark = [pytest.mark.filterwarnings("ignore:body 0 represents"), SHALLOW]
 
 SAVE_AT = (30.0, 60.0, 90.0)
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, absorptivity=1.0)
@@ -64,7 +64,6 @@ def test_explicit_steps_are_those_of_forward_euler(ball, cells):
         np.testing.assert_allclose(run.call(), expected, atol=1e-4, rtol=0)
 
 
-@SHALLOW
 def test_rkl2_steps_are_those_of_super_time_stepping(ball):
     ball_scene, body = ball
     expected = surface(ball_scene, jt.SuperTimeStepping(dt=STEP))
