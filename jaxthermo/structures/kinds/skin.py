@@ -31,7 +31,7 @@ _MIN_LENGTH = 0.25
 """Smallest fraction of the distance from a node to a face that a skin leaves: that of
 half a voxel below one fragment is 1/2."""
 
-_PER_PENETRATION = 0.2
+_PER_PENETRATION = 1 / 6
 """Largest thickness of the outermost cell over the depth sqrt(alpha t) of heat: a half
 space that is heated by radiation or a flux is then within 2 % of its rise."""
 
@@ -115,7 +115,7 @@ class Skin(AbstractVoxelStructure):
     def cells_for(pitch: float, diffusivity: float, time: float) -> int:
         """Number of cells that resolves what has happened a time after a change.
 
-        The outermost cell of a voxel is a fifth as thick as the depth sqrt(alpha t)
+        The outermost cell of a voxel is a sixth as thick as the depth sqrt(alpha t)
         that heat has gone, at most.
 
         Args:
@@ -129,7 +129,7 @@ class Skin(AbstractVoxelStructure):
         Example:
             >>> import jaxthermo as jt
             >>> jt.Skin.cells_for(pitch=0.02, diffusivity=5e-7, time=1.0)
-            9
+            10
         """
         for name, value in (
             ("pitch", pitch),

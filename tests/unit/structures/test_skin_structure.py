@@ -111,8 +111,8 @@ def test_number_of_cells_for_a_time():
         cells = jt.Skin.cells_for(pitch=0.02, diffusivity=5e-7, time=time)
         depth = np.sqrt(5e-7 * time)
         outermost = [0.01 * 0.5 / (1.5**n - 1) for n in (cells - 1, cells) if n]
-        assert outermost[-1] <= depth / 5 * (1 + 1e-9)
-        assert cells == 1 or outermost[0] > depth / 5
+        assert outermost[-1] <= depth / 6 * (1 + 1e-9)
+        assert cells == 1 or outermost[0] > depth / 6
 
 
 @pytest.mark.parametrize(
