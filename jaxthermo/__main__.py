@@ -315,10 +315,11 @@ def _parts(
     height: str | None = None,
     up: str = "z",
     json: Flag = False,
+    scene: Flag = False,
 ) -> None:
-    """List the named parts of a mesh file with their sizes.
+    """List the named parts of a mesh file with their sizes, or begin a scene of them.
 
-    A part is node/mesh/material; a material of a scene may name it by one of the three.
+    A part is node/mesh/material; a rule of a scene may name it by one of the three.
 
     Args:
         mesh: Mesh, an OBJ, PLY, STL, GLB, glTF, OFF, 3MF or DAE file.
@@ -326,10 +327,11 @@ def _parts(
         height: Extent of all parts along --up, such as 0.5m, instead of the unit.
         up: Axis of the file that points up: x, y, z, -x, -y or -z.
         json: Print plain values instead of a table.
+        scene: Print the start of a scene, an assembly of these parts, instead.
     """
     from .cli.parts import parts as show
 
-    show(mesh, unit=unit, height=height, up=up, as_json=json)
+    show(mesh, unit=unit, height=height, up=up, as_json=json, as_scene=scene)
 
 
 @app.command

@@ -1,7 +1,8 @@
-"""`jaxthermo parts`: the named parts of a mesh file and their sizes."""
+"""`jaxthermo parts`: the named parts of a mesh file, and the start of their scene."""
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TypedDict
 
@@ -9,19 +10,24 @@ import numpy as np
 
 from ..config.types.quantities import LENGTH, to_si
 from ..console.terminal import open_console, print_line
-from ..errors import located
+from ..errors import InputError, located
+from ..geometry.equal_parts import PlacedPart, placed_parts
 from ..geometry.files.read import read_contents, read_mesh
 from ..geometry.load import file_scale
 from ..geometry.mesh import Mesh
 from ..geometry.parts import separate_parts
+from ..geometry.wall_thickness import wall_thickness
 from ..report.numbers import count
 from ..report.table import Table
+from .scene_start import scene_start
 
 
 class _PartSizes(TypedDict):
     """Sizes of one part, in metres or in units of the file."""
 
     name: str
+    instances: int
+    """Number of parts of this geometry, with this one."""
     faces: int
     area: float
     volume: float | None
@@ -30,6 +36,8 @@ class _PartSizes(TypedDict):
     """Extent along x, y and z."""
     closed: bool
     open_edges: int
+    thickness: float | None
+    """Thickness of a closed thin wall; None for any other part."""
 
 
 class _FileSizes(TypedDict):
@@ -42,13 +50,20 @@ class _FileSizes(TypedDict):
 
 
 def parts(
-    path: Path, unit: str | None, height: str | None, up: str, as_json: bool
+    path: Path,
+    unit: str | None,
+    height: str | None,
+    up: str,
+    as_json: bool,
+    as_scene: bool,
 ) -> None:
-    """Print the parts of a mesh file, as a table or as JSON.
+    """Print the parts of a mesh file, as a table, as JSON or as the start of a scene.
 
     Raises:
         InputError: for a file that cannot be read, or options that do not fit.
     """
+    if as_json and as_scene:
+        raise InputError("--scene: give it or --json, not both")
     target = None
     if height is not None:
         with located("--height"):
@@ -67,11 +82,22 @@ def parts(
         height=target,
         up=up,
     )
+    if as_scene and not has_metres:
+        raise InputError(
+            f"--scene: {path} does not state its unit: give --unit or --height"
+        )
     meshes = separate_parts(file_path, file_mesh, scale)
+    if as_scene:
+        scaled = {"unit": "m" if metres == 1.0 else metres}
+        if target is not None:
+            scaled = {"height": target}
+        sys.stdout.write(scene_start({"path": str(path), **scaled, "up": up}, meshes))
+        return
+    placed = placed_parts(meshes)
     sizes = _FileSizes(
         file=str(path),
         unit="m" if has_metres else "file unit",
-        parts=[_sizes(mesh) for mesh in meshes.values()],
+        parts=_all_sizes(meshes, placed),
     )
     if as_json:
         sys.stdout.write(json.dumps(sizes, indent=2) + "\n")
@@ -79,19 +105,33 @@ def parts(
     _print(sizes, bounds=_bounds(list(meshes.values())), is_stated=is_stated)
 
 
-def _sizes(mesh: Mesh) -> _PartSizes:
-    # Sorts all edges, as does asking the mesh whether it is watertight.
-    open_edges = mesh.open_edges
-    is_closed = open_edges == 0
-    return _PartSizes(
-        name=mesh.name,
-        faces=len(mesh.faces),
-        area=mesh.area,
-        volume=mesh.volume if is_closed else None,
-        size=np.ptp(mesh.bounds, axis=0).tolist(),
-        closed=is_closed,
-        open_edges=open_edges,
-    )
+def _all_sizes(
+    meshes: dict[str, Mesh], placed: dict[str, PlacedPart]
+) -> list[_PartSizes]:
+    instances = Counter(id(part.mesh) for part in placed.values())
+    thickness: dict[int, float | None] = {}
+    sizes = []
+    for name, mesh in meshes.items():
+        # Sorts all edges, as does asking the mesh whether it is watertight.
+        open_edges = mesh.open_edges
+        is_closed = open_edges == 0
+        first = placed[name].mesh
+        if id(first) not in thickness:
+            thickness[id(first)] = wall_thickness(first) if is_closed else None
+        sizes.append(
+            _PartSizes(
+                name=name,
+                instances=instances[id(first)],
+                faces=len(mesh.faces),
+                area=mesh.area,
+                volume=mesh.volume if is_closed else None,
+                size=np.ptp(mesh.bounds, axis=0).tolist(),
+                closed=is_closed,
+                open_edges=open_edges,
+                thickness=thickness[id(first)],
+            )
+        )
+    return sizes
 
 
 def _bounds(meshes: list[Mesh]) -> list[float]:
@@ -106,23 +146,27 @@ def _print(sizes: _FileSizes, bounds: list[float], is_stated: bool) -> None:
     rows = [
         (
             part["name"],
+            f"{part['instances']:,}",
             f"{part['faces']:,}",
             f"{part['area']:.4g}",
             "" if part["volume"] is None else f"{part['volume']:.4g}",
             _product(part["size"]),
+            "" if part["thickness"] is None else f"{part['thickness']:.4g}",
             "closed" if part["closed"] else f"open ({part['open_edges']:,} open edges)",
         )
         for part in sizes["parts"]
     ]
     columns = (
         "node/mesh/material",
+        "instances",
         "faces",
         f"area\n{unit}^2",
         f"volume\n{unit}^3",
         f"size\n{unit}",
+        f"wall\n{unit}",
         "surface",
     )
-    table = Table(columns, rows, left=(0, 5), framed=False)
+    table = Table(columns, rows, left=(0, 7), framed=False)
     console.print(table.rich())
     faces = sum(part["faces"] for part in sizes["parts"])
     line = f"{count(len(rows), 'part')}, {count(faces, 'face')}, "

@@ -4,6 +4,7 @@ PyYAML reads YAML 1.1, where `on` is true, `1e-3` is a string, `010` is eight an
 `1:30` is ninety. Here the core schema of YAML 1.2 holds, and a key is given once.
 """
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -129,3 +130,16 @@ def read_yaml(path: Path, needs: str = NEEDS) -> dict[str, Any]:
 def write_yaml(data: Mapping[str, object]) -> str:
     """The text that `parse_yaml` reads back to the same mapping."""
     return yaml.dump(dict(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True)
+
+
+def write_flow(data: Mapping[str, object]) -> str:
+    """The text of a mapping on one line."""
+    text = yaml.dump(
+        dict(data),
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=True,
+        width=math.inf,
+    )
+    return text.strip()

@@ -395,6 +395,16 @@ class Pose(Module):
         """Its numbers, by which equal poses are recognized."""
         return self.translation, self.rotation
 
+    def after(self, first: "Pose") -> "Pose":
+        """The pose that places a body by another pose first, then by this one."""
+        if first == Pose():
+            return self
+        if self == Pose():
+            return first
+        x, y, z = self.to_world(np.asarray(first.translation, float)).tolist()
+        rotation = np.asarray(self.rotation) @ np.asarray(first.rotation)
+        return Pose((x, y, z), tuple(map(tuple, rotation.tolist())))
+
     def to_world(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform points from the body to the world [m]."""
         return self.rotate(points) + np.asarray(self.translation, float)

@@ -31,7 +31,7 @@ def test_table(printed):
         "node0/mesh0/-#3",
     ]
     assert all(
-        words[1:] == ["12", "22", "6", "1", "x", "2", "x", "3", "closed"]
+        words[1:] == ["3", "12", "22", "6", "1", "x", "2", "x", "3", "closed"]
         for words in lines
     )
     assert "3 parts, 36 faces, 11 x 2 x 3 m, in the unit that the file states" in out

@@ -22,7 +22,8 @@ _DATA = Path(__file__).parents[2] / "data"
 
 
 @cache
-def _material_names() -> tuple[str, ...]:
+def material_names() -> tuple[str, ...]:
+    """Names and aliases of the tabulated materials, without importing JAX."""
     # From the data file: `jaxthermo.materials` has the same names, but imports JAX.
     names: list[str] = []
     for row in data_rows("names.csv"):
@@ -66,8 +67,8 @@ class _MaterialConfig(Model, builds="Material"):
     name: (
         Annotated[
             str,
-            one_of("material", _material_names),
-            Field(json_schema_extra={"enum": [*_material_names()]}),
+            one_of("material", material_names),
+            Field(json_schema_extra={"enum": [*material_names()]}),
         ]
         | None
     ) = None
@@ -97,7 +98,7 @@ class _MaterialConfig(Model, builds="Material"):
         return [((key,), message) for key in needed if data.get(key) is None]
 
 
-Material = Annotated[_MaterialConfig, Short("name", words=_material_names())]
+Material = Annotated[_MaterialConfig, Short("name", words=material_names())]
 
 
 class LabelledConfig(Model, builds="MaterialLabels"):

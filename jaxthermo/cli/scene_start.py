@@ -1,0 +1,121 @@
+"""The start of a scene of the parts of a mesh file, as YAML with hints."""
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ..config.schema.material import material_names
+from ..config.strict_yaml import write_flow
+from ..geometry.mesh import Mesh
+from ..geometry.parts import matching_parts, short_names
+from ..geometry.wall_thickness import wall_thickness
+
+
+_HEAD = """\
+# The start of a scene: one rule for all parts of a material, the first match wins.
+# Run it with: jaxthermo simulate FILE --set assembly.temperature='20 degC'
+"""
+
+_END = """\
+terms:
+  - {kind: convection, heat_transfer_coefficient: 10, temperature: 20 degC}
+  - {kind: surroundings, temperature: 15 degC}
+time: {end: 10 min, save_every: 1 min}
+"""
+
+_MATERIAL = "carbon_steel"
+"""Material of parts whose material in the file is none of ours."""
+_SHEET_THICKNESS = 1e-3
+"""Thickness of surfaces that have none in the file [m]."""
+_CELLS_OF_SHEET = 40
+"""Number of cells along the longest edge of the assembly."""
+_VOXELS_THROUGH = 4
+_MAX_VOXELS = 200_000
+"""Number of voxels in the bounding box of a part."""
+
+
+class _Group(NamedTuple):
+    """Properties that the parts of one rule share."""
+
+    word: str
+    """Material in the file, or node."""
+    is_closed: bool
+
+
+def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
+    """Write rules for all parts: solids where they are closed, else sheets.
+
+    Args:
+        file: `path`, `unit` or `height`, and `up` of the mesh file.
+        meshes: its parts by name [m].
+    """
+    names = dict(zip(meshes, short_names(list(meshes)), strict=True))
+    groups: dict[_Group, list[str]] = defaultdict(list)
+    for name, mesh in meshes.items():
+        if mesh.area > 0.0:
+            groups[_Group(name.split("/")[-1].split("#")[0], mesh.is_watertight)] += [
+                name
+            ]
+    corners = np.concatenate([mesh.bounds for mesh in meshes.values()])
+    extent = float(np.ptp(corners, axis=0).max())
+    lines = [_HEAD, "assembly:\n", f"  mesh: {write_flow(file)}\n"]
+    lines.append(f"  pitch: {_two_digits(extent / _CELLS_OF_SHEET):g}\n  parts:\n")
+    # The largest group of a material comes last, and matches all that is left of it.
+    order = sorted(groups, key=lambda group: len(groups[group]))
+    last = {group.word: group for group in order}
+    for group in order:
+        members = groups[group]
+        match: str | list[str] = [names[name] for name in members]
+        of_word = [
+            n for other in order if other.word == group.word for n in groups[other]
+        ]
+        is_word = group.word not in names.values() and set(
+            matching_parts(group.word, meshes)
+        ) == set(of_word)
+        if is_word and last[group.word] == group:
+            match = group.word
+        parts = [meshes[name] for name in members]
+        rule = {"match": match, **_rule(group, parts)}
+        lines.append(f"    - {write_flow(rule)}{_hint(group, parts)}\n")
+    flat = [names[name] for name, mesh in meshes.items() if mesh.area <= 0.0]
+    if flat:
+        lines.append(
+            f"    - {write_flow({'match': flat, 'ignore': True})}  # no extent\n"
+        )
+    return "".join([*lines, _END])
+
+
+def _rule(group: _Group, parts: list[Mesh]) -> dict[str, object]:
+    material = group.word if group.word in material_names() else _MATERIAL
+    if group.is_closed:
+        pitch = min(_pitch(mesh) for mesh in parts)
+        return {"material": material, "pitch": _two_digits(pitch)}
+    layer = {"material": material, "thickness": _SHEET_THICKNESS}
+    return {"sheet": {"layers": [layer]}}
+
+
+def _pitch(mesh: Mesh) -> float:
+    """Edge of the voxels of a solid: some through it, if that is not too many."""
+    size = np.maximum(np.ptp(mesh.bounds, axis=0), 1e-9)
+    coarsest = float(np.prod(size) / _MAX_VOXELS) ** (1 / 3)
+    return max(float(size.min()) / _VOXELS_THROUGH, coarsest)
+
+
+def _hint(group: _Group, parts: list[Mesh]) -> str:
+    known = group.word in material_names()
+    hints = [] if known else [f"material: the file has {group.word!r}"]
+    if not group.is_closed:
+        hints.append("thickness: the file has none")
+    walls = [wall_thickness(mesh) if group.is_closed else None for mesh in parts]
+    thin = [wall for wall in walls if wall is not None]
+    if thin:
+        hints.append(f"closed walls of {min(thin):.2g} m: see their voxels")
+    return f"  # {'; '.join(hints)}" if hints else ""
+
+
+def _two_digits(value: float) -> float:
+    digits = 1 - math.floor(math.log10(value))
+    return round(value, digits)
