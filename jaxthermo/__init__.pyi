@@ -16,6 +16,10 @@ from .flow.body import RoundBody as RoundBody
 from .flow.channel import Channel as Channel
 from .flow.run import FlowRun as FlowRun, simulate_flow as simulate_flow
 from .geometry import shapes as shapes
+from .geometry.equal_parts import (
+    PlacedPart as PlacedPart,
+    placed_parts as placed_parts,
+)
 from .geometry.load import load_mesh as load_mesh
 from .geometry.mesh import Mesh as Mesh, Pose as Pose
 from .geometry.parts import load_parts as load_parts
@@ -134,6 +138,7 @@ from .reduction.reduced_model import (
     load_reduced as load_reduced,
 )
 from .report.frame_sheet import frame_sheet as frame_sheet
+from .scene.assembly import Rule as Rule, assembly as assembly
 from .scene.coating import Coating as Coating
 from .scene.compile.compile import compile_scene as compile_scene
 from .scene.motion import Motion as Motion, PoseTable as PoseTable

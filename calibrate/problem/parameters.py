@@ -4,7 +4,8 @@ A parameter sets one number of every scene of a fit, or several tied to the same
 Together the parameters are one vector z of unconstrained coordinates, 0 at the start.
 
 The path of a number, as in "bodies.0.structure.weights.within", consists of the fields
-of the Python objects and of list indices. `weights`, `material` and `temperature` stand
+of the Python objects and of list indices; a body may be named instead of numbered, as
+in "bodies.roof.temperature". `weights`, `material` and `temperature` stand
 for those of a scene's only body, and a term may be named by its mechanism, as in
 `sun.irradiance`. A layer of a sheet is that of all parts, as in
 `sheet.layers.0.thickness`, or of some, as in `sheet.layers.glass_*.0.thickness`.
@@ -59,7 +60,8 @@ _FIELD_OF = {"absorptivity": "given_absorptivity"}
 
 def find_path(scene: Scene, name: str) -> Path:
     """Resolve a dotted name in a scene, which must have such a number."""
-    path: Path = tuple(int(p) if p.isdigit() else p for p in name.split("."))
+    numbered = _numbered(scene, name)
+    path: Path = tuple(int(p) if p.isdigit() else p for p in numbered.split("."))
     head, *tail = path
     if head in _ABBREVIATIONS:
         path = (*_ABBREVIATIONS[str(head)], *tail)
@@ -97,7 +99,7 @@ def find_paths(scene: Scene, name: str) -> tuple[Path, ...]:
     Raises:
         InputError: for a name of no number of the scene.
     """
-    match = _LAYER.fullmatch(name)
+    match = _LAYER.fullmatch(_numbered(scene, name))
     if match is None:
         return (find_path(scene, name),)
     if match["body"] is None and len(scene.bodies) > 1:
@@ -118,6 +120,21 @@ def find_paths(scene: Scene, name: str) -> tuple[Path, ...]:
     body = f"bodies.{number}.structure.stacks"
     layer = f"{match['layer']}.{match['field']}"
     return tuple(find_path(scene, f"{body}.{part}.{layer}") for part in parts)
+
+
+def _numbered(scene: Scene, name: str) -> str:
+    """A dotted name with the number of a body for its name, which may have dots."""
+    start = "bodies."
+    if not name.startswith(start):
+        return name
+    remaining = name.removeprefix(start)
+    names = {body.name: n for n, body in enumerate(scene.bodies) if body.name}
+    # The longest first: "door.left" before "door".
+    for body_name in sorted(names, key=len, reverse=True):
+        if remaining.startswith(f"{body_name}."):
+            inner = remaining.removeprefix(f"{body_name}.")
+            return f"{start}{names[body_name]}.{inner}"
+    return name
 
 
 def value_at(scene: Scene, path: Path) -> Any:

@@ -177,7 +177,7 @@ def _point(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
 def _world(body: BodyConfig, time: float) -> WorldMesh:
     """Mesh of a body in the world at a time [s]."""
     mesh = body.build_grid().mesh if body.solid is not None else body.build_mesh()
-    vertices = body.pose.build().at(time).to_world(mesh.vertices)
+    vertices = body.build_pose().at(time).to_world(mesh.vertices)
     return WorldMesh(vertices, mesh.faces, is_two_sided=body.wall is not None)
 
 

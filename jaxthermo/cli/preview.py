@@ -14,6 +14,8 @@ from ..image.colour.preview import draw_preview
 from ..image.surface.abstract_camera import AbstractCamera
 from ..image.surface.camera import Camera, OrthographicCamera
 from ..image.surface.visible import WorldMesh
+from ..scene.compile.body_names import body_label, grouped_lines
+from .body_lines import MAX_BODIES
 
 
 _FILE = "preview.png"
@@ -25,16 +27,17 @@ def preview(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
     console = open_console()
     with status(console, "reading the bodies"):
         meshes = [body.build_mesh() for body in scene.bodies]
-        poses = [body.pose.build().at(0.0) for body in scene.bodies]
+        poses = [body.build_pose().at(0.0) for body in scene.bodies]
     world = [
         pose.to_world(mesh.triangles) for mesh, pose in zip(meshes, poses, strict=True)
     ]
-    for number, (mesh, triangles) in enumerate(zip(meshes, world, strict=True)):
-        print_line(console, f"body {number}: {mesh_summary(mesh)}")
-        corners = triangles.reshape(-1, 3)
-        lowest = _point(corners.min(axis=0))
-        highest = _point(corners.max(axis=0))
-        print_line(console, f"  in the world from {lowest} to {highest} m; z is up")
+    labels = [body_label(n, body.name or "") for n, body in enumerate(scene.bodies)]
+    if len(labels) <= MAX_BODIES:
+        for label, mesh, triangles in zip(labels, meshes, world, strict=True):
+            print_line(console, f"{label}: {mesh_summary(mesh)}")
+            print_line(console, f"  {_extent(triangles)}")
+    else:
+        print_line(console, f"{len(labels):,} bodies {_extent(np.concatenate(world))}")
     camera = build_camera(scene.camera, np.concatenate(world))
     print_line(console, _camera_line(camera))
     with results_folder(out or Path("results") / config.stem) as folder:
@@ -49,9 +52,19 @@ def preview(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
             ]
             image, visible = draw_preview(bodies, camera, scene.name or "")
             write_png(folder / _FILE, image)
-        for number in sorted(set(range(len(meshes))) - set(visible)):
-            print_line(console, f"note: body {number} is not in the picture")
+        unseen = sorted(set(range(len(meshes))) - set(visible))
+        for line in grouped_lines(
+            f"{labels[number]} is not in the picture" for number in unseen
+        ):
+            print_line(console, f"note: {line}")
         print_line(console, f"{folder / _FILE}: nothing was simulated")
+
+
+def _extent(triangles: np.ndarray) -> str:
+    corners = triangles.reshape(-1, 3)
+    lowest = _point(corners.min(axis=0))
+    highest = _point(corners.max(axis=0))
+    return f"in the world from {lowest} to {highest} m; z is up"
 
 
 def _point(values) -> str:

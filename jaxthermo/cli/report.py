@@ -1,7 +1,6 @@
 """Terminal output of a run: the scene, the receipt, and the result."""
 
 import math
-import re
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,7 +9,6 @@ from rich.console import Console
 
 from ..console.terminal import print_line
 from ..constants import ZERO_CELSIUS
-from ..geometry.mesh import mesh_summary
 from ..host_memory import readable_bytes
 from ..image.colour.ticks import time_label
 from ..integrate.heat_rates import evaluate_rates
@@ -21,51 +19,39 @@ from ..report.numbers import count
 from ..report.table import Table
 from ..scene.air import bodies_around_air, bodies_with_surface, body_name
 from ..scene.body_mass import body_mass
+from ..scene.compile.body_names import grouped_lines, with_names
 from ..scene.compile.program import Compiled
-from ..scene.scene import Body, Scene
-from ..structures.kinds.sheet import Sheet
+from ..scene.scene import Scene
 from ..structures.report import StructureReport
+from .body_lines import MAX_BODIES, ReceiptRow, body_lines, described, summed
 from .summary import peak_memory
-
-
-# Smaller deviations of the capacity ratio from 1 are rounding [-].
-_CAPACITY_TOLERANCE = 1e-6
 
 
 def log_scene(
     console: Console, scene: Scene, plan: Plan, structures: list[StructureReport]
 ) -> None:
     """Print the bodies, with their `structure_report`, the receipt, and the steps."""
-    for body, report in zip(bodies_with_surface(scene), structures, strict=True):
-        grid = body.structure.grid
-        edge = f"{grid.pitch * 1e3:.4g} mm"
-        if isinstance(body.structure, Sheet):
-            cells = f"{body.structure.surface_cells:,} cells of {edge} on a surface"
-        else:
-            shape = " x ".join(str(n) for n in grid.lattice.shape)
-            count = body.structure.voxels.solid_count
-            cells = f"{count:,} solid voxels of {edge} in {shape}"
-        print_line(console, mesh_summary(grid.mesh))
-        print_line(
-            console,
-            f"  {cells}, {len(grid.fragment_area):,} surface fragments",
-        )
-        for line in _structure_lines(report):
-            print_line(console, f"  {line}")
-        print_line(console, f"  {_sizes(body)}")
-    for number, around in bodies_around_air(scene).items():
-        air = scene.bodies[number]
-        print_line(
-            console,
-            f"air of body {around}: {air.structure.volume:.4g} m3, "
-            f"{body_mass(air):.4g} kg",
-        )
+    descriptions = [
+        described(body, report)
+        for body, report in zip(bodies_with_surface(scene), structures, strict=True)
+    ]
+    for line in body_lines(scene, descriptions):
+        print_line(console, line)
+    airs = [
+        f"air of body {around}: {scene.bodies[air].structure.volume:.4g} m3, "
+        f"{body_mass(scene.bodies[air]):.4g} kg"
+        for air, around in bodies_around_air(scene).items()
+    ]
+    names = [body.name for body in scene.bodies]
+    for line in grouped_lines(with_names(air, names) for air in airs):
+        print_line(console, line)
     receipt = plan.compiled.receipt
     print_line(console, f"included: {', '.join(receipt.included)}")
-    for omission in receipt.left_out:
-        print_line(console, f"left out: {omission.what} ({omission.why})")
-    for note in receipt.notes:
-        print_line(console, f"note: {note}")
+    left_out = [f"{omission.what} ({omission.why})" for omission in receipt.left_out]
+    for line in grouped_lines(left_out):
+        print_line(console, f"left out: {line}")
+    for line in grouped_lines(receipt.notes):
+        print_line(console, f"note: {line}")
     limit = "none" if plan.stable_step is None else f"{plan.stable_step:.4g} s"
     steps = f"{plan.steps:,} steps"
     if isinstance(plan.stepper, AdaptiveStepper):
@@ -88,19 +74,38 @@ def log_receipt(console: Console, plan: Plan) -> None:
     """Print the receipt: mechanisms, with the bodies and areas on which they act."""
     receipt = plan.compiled.receipt
     airs = bodies_around_air(plan.scene)
+    labels = [
+        with_names(body_name(number, airs), receipt.body_names)
+        for number in range(len(receipt.structures))
+    ]
     rows = [
-        ("conduction", f"body {index} ({structure})", "", "", "", "")
-        for index, structure in enumerate(receipt.structures)
-        if index not in airs
+        ReceiptRow(
+            "conduction",
+            where=f"{label} ({structure})",
+            area=0.0,
+            share=math.nan,
+            volume=0.0,
+            heat_rate=math.nan,
+        )
+        for number, (label, structure) in enumerate(
+            zip(labels, receipt.structures, strict=True)
+        )
+        if number not in airs
     ]
     rates = _rates_at_start(plan.compiled)
-    for mechanism, rate in zip(receipt.parts, rates, strict=True):
-        where = " and ".join(body_name(index, airs) for index in mechanism.bodies)
-        fraction = f"{100 * mechanism.surface_share:.3g} %" if mechanism.area else ""
-        area = f"{mechanism.area:.4g} m2" if mechanism.area else ""
-        volume = f"{mechanism.volume:.4g} m3" if mechanism.volume else ""
-        heat = f"{rate:.4g} W"
-        rows.append((mechanism.mechanism, where, area, fraction, volume, heat))
+    for part, rate in zip(receipt.parts, rates, strict=True):
+        rows.append(
+            ReceiptRow(
+                part.mechanism,
+                where=" and ".join(labels[index] for index in part.bodies),
+                area=part.area,
+                share=part.surface_share,
+                volume=part.volume,
+                heat_rate=rate,
+            )
+        )
+    if len(labels) > MAX_BODIES:
+        rows = summed(rows)
     columns = (
         "mechanism",
         "on",
@@ -109,7 +114,9 @@ def log_receipt(console: Console, plan: Plan) -> None:
         "volume",
         "heat rate at the start",
     )
-    console.print(Table(columns, rows, left=(0, 1), framed=False).rich())
+    console.print(
+        Table(columns, [row.cells for row in rows], left=(0, 1), framed=False).rich()
+    )
     snapshots = count(receipt.snapshots, "snapshot")
     print_line(console, f"geometry: {snapshots}; state in {receipt.dtype}")
 
@@ -120,33 +127,6 @@ def _rates_at_start(compiled: Compiled) -> list[float]:
     evaluate = eqx.filter_jit(evaluate_rates)
     _, rates = evaluate(compiled.program, compiled.state, start)
     return np.asarray(rates, float).tolist()
-
-
-def _sizes(body: Body) -> str:
-    structure = body.structure
-    return (
-        f"{body_mass(body):.4g} kg, {structure.volume:.4g} m3, "
-        f"{float(structure.grid.fragment_area.sum()):.4g} m2"
-    )
-
-
-def _structure_lines(report: StructureReport) -> list[str]:
-    name = re.sub(r"(?<!^)(?=[A-Z])", " ", report["kind"]).lower()
-    factor = report["options"].get("factor")
-    if factor is not None:
-        edge = factor * report["pitch_m"] * 1e3
-        name += f" x{factor} (blocks of {edge:.4g} mm)"
-    nodes = count(report["nodes"], "node")
-    links = count(report["links"], "link")
-    size = readable_bytes(report["bytes_float32"]["total"])
-    lines = [f"{name}: {nodes}, {links}, {size}"]
-    ratio = report["capacity_ratio"]
-    if abs(ratio - 1) > _CAPACITY_TOLERANCE:
-        # Two digits of the deviation from 100 %: 62 %, but 99.95 % and not 100 %.
-        decimals = max(0, 1 - math.floor(math.log10(100 * abs(ratio - 1))))
-        percent = f"{100 * ratio:.{decimals}f}"
-        lines.append(f"the structure holds {percent} % of the body's heat capacity")
-    return lines
 
 
 def log_result(
@@ -168,11 +148,16 @@ def log_result(
         f"energy residual {residual:.1e}",
     )
     final = np.asarray(solution.mean_temperature)[-1] - ZERO_CELSIUS
-    for number, around in bodies_around_air(scene).items():
-        print_line(console, f"the air of body {around} is at {final[number]:.1f} degC")
+    airs = [
+        f"the air of body {around} is at {final[number]:.1f} degC"
+        for number, around in bodies_around_air(scene).items()
+    ]
+    names = solution.receipt.body_names
+    for line in grouped_lines(with_names(air, names) for air in airs):
+        print_line(console, line)
     if solution.run.time_error is not None:
         # The last remark of the receipt is known after the run only.
         steps = f"{solution.run.steps:,} steps"
         print_line(console, f"{steps}, {solution.receipt.notes[-1]}")
-    for warning in solution.run.warnings:
+    for warning in grouped_lines(solution.run.warnings):
         print_line(console, f"warning: {warning}")

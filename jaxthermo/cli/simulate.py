@@ -47,6 +47,7 @@ from ..parallel.processes import (
 )
 from ..report.numbers import count
 from ..scene.air import bodies_with_surface
+from ..scene.compile.body_names import grouped_lines
 from ..scene.compile.on_devices import on_devices
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene, mechanism_names
@@ -159,7 +160,7 @@ def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
             *_card_warnings(config, scene),
         ]
     log_scene(console, scene=scene, plan=plan, structures=structures)
-    for warning in warnings:
+    for warning in grouped_lines(warnings):
         print_line(console, f"warning: {warning}")
     return _Planned(scene=scene, plan=plan, structures=structures, warnings=warnings)
 

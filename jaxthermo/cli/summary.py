@@ -18,6 +18,7 @@ from ..provenance import provenance
 from ..report.columns import write_columns
 from ..scene.air import bodies_around_air, bodies_with_surface, body_name
 from ..scene.body_mass import body_mass
+from ..scene.compile.body_names import with_names
 from ..scene.scene import Scene
 from ..structures.report import StructureReport
 
@@ -48,6 +49,8 @@ class _TermResults(TypedDict):
 class _BodyResults(TypedDict):
     """Results of one body in `summary.json`; lists are over the saved times."""
 
+    name: str
+    """Empty for a body without a name."""
     mesh: Mapping[str, Any]
     mass_kg: float
     volume_m3: float
@@ -99,6 +102,7 @@ def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
     temperature = np.asarray(solution.of_body(index), float)
     weight = grid.fragment_area / grid.fragment_area.sum()
     return _BodyResults(
+        name=scene.bodies[index].name,
         mesh=describe_mesh(grid.mesh),
         mass_kg=body_mass(scene.bodies[index]),
         volume_m3=scene.bodies[index].structure.volume,
@@ -237,9 +241,11 @@ def write_energy(path: Path, scene: Scene, solution: Solution) -> None:
     columns = _ledger(solution.energy)
     airs = bodies_around_air(scene)
     if len(solution.energy.bodies) > 1:
+        names = solution.receipt.body_names
         for index, body in enumerate(solution.energy.bodies):
+            label = with_names(body_name(index, airs), names)
             for name, column in _ledger(body).items():
-                columns[f"{body_name(index, airs)}: {name}"] = column
+                columns[f"{label}: {name}"] = column
     write_columns(path, np.asarray(solution.times, float).tolist(), columns)
 
 

@@ -53,8 +53,8 @@ class SceneView:
         corners = np.stack([world.min(axis=0), world.max(axis=0)])
         self._centre = corners.mean(axis=0)
         self._radius = float(np.linalg.norm(corners[1] - corners[0]) / 2)
-        for n, position in enumerate(points.position):
-            name = f"/body{n}"
+        self._paths = [_path_of(n, surface) for n, surface in enumerate(run.surfaces)]
+        for name, position in zip(self._paths, points.position, strict=True):
             self._frames.append(scene.add_frame(name, show_axes=False))
             grey = np.full(position.shape, 128, np.uint8)
             cloud = scene.add_point_cloud(
@@ -134,7 +134,7 @@ class SceneView:
             body = self.points.body_of(point)
             position = self.points.position[body][point - rows[body].start]
             mark = self._server.scene.add_icosphere(
-                f"/body{body}/probe{n}",
+                f"{self._paths[body]}/probe{n}",
                 radius=self._radius / 40,
                 color=SERIES[n],
                 position=position,
@@ -172,6 +172,12 @@ class SceneView:
     def _world(self, run: AbstractLiveRun) -> Float[np.ndarray, "p 3"]:
         pairs = zip(self.points.position, run.surfaces, strict=True)
         return np.concatenate([_pose(s, run.time).to_world(p) for p, s in pairs])
+
+
+def _path_of(number: int, surface: SolvedSurface) -> str:
+    """Path of a body among the nodes of the browser, whose names have no "/"."""
+    name = surface.geometry.name.replace("/", "_")
+    return f"/{number} {name}" if name else f"/body{number}"
 
 
 def _pose(surface: SolvedSurface, time: float):

@@ -1,9 +1,8 @@
 """A scene: bodies in space, the terms that act on them, and surfaces for a camera."""
 
 import abc
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -30,6 +29,7 @@ from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection, Region
 from .coating import Coating
 from .motion import Motion
+from .named import Probe, as_probes, check_names
 
 
 class AbstractMaterials(Module):
@@ -162,6 +162,8 @@ class Body(Module):
     """Radiative properties of parts of the surface, later ones on top."""
     inside: str = eqx.field(static=True, kw_only=True, default="closed")
     """With "open", air, sun and surroundings act in its closed cavities as well."""
+    name: str = eqx.field(static=True, kw_only=True, default="")
+    """Name in receipts, summaries, frames and messages, besides its number."""
 
     def __check_init__(self):
         require(
@@ -232,37 +234,6 @@ class Body(Module):
             )
 
 
-class Probe(NamedTuple):
-    """A virtual thermocouple, fixed to the body that it is in or on."""
-
-    name: str
-    position: tuple[float, float, float]
-    """In the world, at the start of the run [m]."""
-
-
-def _as_probes(probes: Any) -> tuple[Probe, ...]:
-    named = probes
-    if not isinstance(probes, Mapping):
-        # Points without names are numbered in their order.
-        named = {str(number): point for number, point in enumerate(probes)}
-    return tuple(
-        point if isinstance(point, Probe) else Probe(str(name), _point(name, point))
-        for name, point in named.items()
-    )
-
-
-def _point(name: object, point: Any) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(value) for value in point)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"Scene(probes=): probe {name} is {point!r}: give three numbers [m]"
-        ) from None
-    if not np.isfinite([x, y, z]).all():
-        raise InputError(f"Scene(probes=): probe {name} is at no finite position")
-    return x, y, z
-
-
 SURFACE_OUTPUTS = ("heat_flux", "heat_transfer_coefficient")
 """Outputs that a solution can have for every fragment, besides its temperature."""
 
@@ -290,7 +261,7 @@ class Scene(Module):
     allow_extreme_temperatures: bool = eqx.field(static=True, default=False)
     """Accept temperatures below 150 K, mostly mistaken Celsius, and above 6000 K."""
     probes: tuple[Probe, ...] = eqx.field(
-        static=True, default=(), converter=_as_probes, kw_only=True
+        static=True, default=(), converter=as_probes, kw_only=True
     )
     """Thermocouples on or in the bodies, which move with them: points in the world at
     the start [m], as a list or by name; `probe` reads them."""
@@ -321,6 +292,7 @@ class Scene(Module):
                 )
         if not self.bodies:
             raise InputError("Scene(bodies=()): give at least one body")
+        check_names([body.name for body in self.bodies])
         if self.dtype not in ("float32", "float64"):
             raise InputError(
                 f"Scene(dtype={self.dtype!r}): choose 'float32' or 'float64'"
@@ -404,6 +376,8 @@ class BodyGeometry:
     """True if both sides of every triangle are surfaces: those of a thin wall."""
     is_enclosed: Bool[np.ndarray, " s"] | None = None
     """Fragments that nothing from outside reaches at the start; None for none."""
+    name: str = ""
+    """Name of the body; empty for none."""
 
     @property
     def placed(self) -> Pose:
@@ -436,6 +410,7 @@ def body_geometry(
     pose: Pose | Motion,
     material: Material | AbstractMaterials | None = None,
     is_enclosed: Bool[np.ndarray, " s"] | None = None,
+    name: str = "",
 ) -> BodyGeometry:
     """The part of a body's surface that a camera needs after the run."""
     fragment_part = None
@@ -459,6 +434,7 @@ def body_geometry(
         part_names=names,
         is_two_sided=grid.is_two_sided,
         is_enclosed=is_enclosed,
+        name=name,
     )
 
 

@@ -10,7 +10,7 @@ from cli_runs import SCENE, files, run, scene_file, succeed
 from jaxthermo.cli.summary import write_probes
 from jaxthermo.integrate.run.solution import Solution
 from jaxthermo.integrate.run.solution_file import load_solution
-from jaxthermo.scene.scene import Probe
+from jaxthermo.scene.named import Probe
 
 
 WIRED = SCENE + "probes: {core: [0, 0, 0], skin: [2.5 cm, 1 mm, 0]}\n"

@@ -20,7 +20,7 @@ from cli_runs import (
 )
 
 import jaxthermo as jt
-from jaxthermo.cli.report import _structure_lines
+from jaxthermo.cli.body_lines import structure_lines
 from jaxthermo.config.loader import config_hash, load_config, resolved
 from jaxthermo.image.colour.palette import palette_names
 from jaxthermo.image.files.exr import _exr_channels, read_exr
@@ -234,7 +234,7 @@ def test_capacity_that_is_missing_or_too_much_is_told(ratio, share):
     report["links"] = 1
     report["capacity_ratio"] = ratio
     report["bytes_float32"]["total"] = 2048
-    first, *remarks = _structure_lines(report)
+    first, *remarks = structure_lines(report)
     assert first == "shell over core x4 (blocks of 20 mm): 2 nodes, 1 link, 2.0 KiB"
     told = [f"the structure holds {share} of the body's heat capacity"]
     assert remarks == (told if share else [])

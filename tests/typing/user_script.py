@@ -23,6 +23,15 @@ painted = jt.MaterialMap(clay, ((jt.Region(lower=(0, 0, 0), upper=(1, 1, 1)), st
 scan: jt.VoxelGrid = jt.grid_from_voxels(np.ones((4, 4, 4), bool), pitch=0.01)
 knife: dict[str, jt.Mesh] = jt.load_parts("knife.glb", unit="m", up="y")
 by_part = jt.materials_by_part(grid, knife, {"blade": steel, "*": clay})
+
+
+def solid(part: jt.Mesh) -> jt.FullVolume:
+    return jt.FullVolume(jt.voxelize(part, pitch=1e-3))
+
+
+copies: dict[str, jt.PlacedPart] = jt.placed_parts(knife)
+handle_rules = [jt.Rule("blade", solid, material=steel), jt.Rule(["*"])]
+blades: tuple[jt.Body, ...] = jt.assembly(knife, handle_rules, temperature=300.0)
 labelled = jt.MaterialLabels(labels, (clay, jt.materials["copper"]))
 ground: tuple[jt.Layer, ...] = jt.stacks["asphalt"]
 path = jt.PoseTable([0, 9], [jt.Pose(), jt.Pose((1.0, 0.0, 0.0))])

@@ -167,4 +167,7 @@ def write_exr(
     if image.part_id is not None:
         names = dict(enumerate(map(list, image.part_names)))
         notes["parts"] = json.dumps(names, ensure_ascii=False)
+    if any(image.body_names):
+        names = dict(enumerate(image.body_names))
+        notes["bodies"] = json.dumps(names, ensure_ascii=False)
     write_channels(path, _exr_channels(image, mask), notes | (header or {}))

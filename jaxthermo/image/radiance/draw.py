@@ -123,6 +123,7 @@ def draw(
         normal=xp.asarray(geometry.normal),
         part_id=None if geometry.part_id is None else xp.asarray(geometry.part_id),
         part_names=view.part_names,
+        body_names=view.body_names,
         band=band,
     )
     for visible in view.background.sources:

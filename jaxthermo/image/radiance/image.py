@@ -36,6 +36,8 @@ class Image(eqx.Module):
     none. None if no body has parts."""
     part_names: tuple[tuple[str, ...], ...] = eqx.field(static=True, default=())
     """Names of the parts of every body."""
+    body_names: tuple[str, ...] = eqx.field(static=True, default=())
+    """Name of every body, by its number in `object_id`; empty for one without."""
     band: Band | None = eqx.field(static=True, default=None)
     """Band of the detector; None for all wavelengths."""
     coverage: Float[Values, "h w"] | None = None

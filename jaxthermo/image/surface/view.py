@@ -87,6 +87,8 @@ class View:
     """Names of the parts of every body."""
     is_enclosed: Bool[np.ndarray, " s"] | None = None
     """Fragments that nothing from outside reaches; None for none."""
+    body_names: tuple[str, ...] = ()
+    """Name of every body; empty for one without."""
     _results: dict[Hashable, Any] = field(init=False, repr=False, default_factory=dict)
     _of_geometry: dict[Hashable, Any] = field(
         init=False, repr=False, default_factory=dict
@@ -221,6 +223,7 @@ def compute_view(
         part_id=_part_ids(surfaces, geometry.weights),
         part_names=tuple(surface.geometry.part_names for surface in surfaces),
         is_enclosed=_enclosed(surfaces),
+        body_names=tuple(surface.geometry.name for surface in surfaces),
     )
 
 

@@ -32,7 +32,8 @@ from ...physics.term import AbstractTerm
 from ...physics.time_varying import just_before
 from ...physics.windows import Window, over
 from ...scene.compile.program import Program, Receipt
-from ...scene.scene import Probe, SolvedSurface, per_fragment
+from ...scene.named import Probe
+from ...scene.scene import SolvedSurface, per_fragment
 from ..heat_rates import pair_nodes
 from ..implicit.newton_stage import SolverStatistics
 from ..ledger import Energy, HeatRates, Ledger

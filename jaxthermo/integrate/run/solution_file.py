@@ -102,6 +102,8 @@ class BodyArrays(NamedTuple):
     is_two_sided: UInt8[np.ndarray, ""] | None = None
     # Of a body with cavities: fragments that nothing from outside reaches.
     is_enclosed: Bool[np.ndarray, " s"] | None = None
+    # Name of the body in UTF-8.
+    name: UInt8[np.ndarray, " m"] | None = None
 
     def present(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, without those that the body does not have."""
@@ -117,10 +119,9 @@ def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyA
     geometry = surface.geometry
     times = saved if surface.moves else [0.0]
     poses = [geometry.pose.at(float(time)) for time in times]
-    names = None
+    part_names = None
     if geometry.fragment_part is not None:
-        text = json.dumps(geometry.part_names).encode()
-        names = np.frombuffer(text, np.uint8)
+        part_names = _text_array(json.dumps(geometry.part_names))
     return BodyArrays(
         *(np.asarray(getattr(geometry, field)) for field in _GEOMETRY_FIELDS),
         pitch=np.asarray(geometry.pitch, float),
@@ -129,10 +130,15 @@ def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyA
         emissivity=np.asarray(surface.emissivity),
         absorptivity=np.asarray(surface.absorptivity),
         fragment_part=geometry.fragment_part,
-        part_names=names,
+        part_names=part_names,
         is_two_sided=np.asarray(1, np.uint8) if geometry.is_two_sided else None,
         is_enclosed=geometry.is_enclosed,
+        name=_text_array(geometry.name) if geometry.name else None,
     )
+
+
+def _text_array(text: str) -> UInt8[np.ndarray, " n"]:
+    return np.frombuffer(text.encode(), np.uint8)
 
 
 def load_solution(path: Path) -> StoredSolution:
@@ -224,6 +230,15 @@ def _part_names(body: BodyArrays) -> tuple[str, ...]:
     return names
 
 
+def _name(body: BodyArrays) -> str:
+    if body.name is None:
+        return ""
+    try:
+        return body.name.tobytes().decode()
+    except UnicodeDecodeError as error:
+        raise InputError("name of a body is no text") from error
+
+
 def solved_surface(body: BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSurface:
     """The surface of a body from its arrays.
 
@@ -256,6 +271,7 @@ def solved_surface(body: BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSu
         part_names=_part_names(body),
         is_two_sided=body.is_two_sided is not None and bool(body.is_two_sided),
         is_enclosed=body.is_enclosed,
+        name=_name(body),
     )
     return SolvedSurface(
         geometry, jnp.asarray(body.emissivity), jnp.asarray(body.absorptivity)

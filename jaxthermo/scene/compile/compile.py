@@ -33,6 +33,7 @@ from ...structures.sheet_report import sheet_notes, sheet_warnings
 from ..air import bodies_with_surface, check_airs
 from ..scene import Scene, body_geometry, mechanism_names
 from .bodies import PreparedGroup, check_bodies, check_terms, prepare
+from .body_names import named_receipt, naming_bodies
 from .body_program import SurfaceCoefficients
 from .groups import body_groups, joins_bodies
 from .memory import Method, check_memory
@@ -56,6 +57,7 @@ from .time_values import with_time_values
 from .traced_scene import mark_untraceable, separate_numbers, trace_scene
 
 
+@naming_bodies
 def compile_scene(
     scene: Scene,
     saves: int = 1,
@@ -131,7 +133,7 @@ def compile_scene(
         memory_bytes=memory,
         searches=tuple(dict.fromkeys(searches)),
     )
-    return replace(compiled, receipt=receipt)
+    return replace(compiled, receipt=named_receipt(receipt, scene))
 
 
 def _bound(
@@ -308,6 +310,7 @@ def _bind(
                 pose=body.pose,
                 material=body.material,
                 is_enclosed=_unreached(surface),
+                name=body.name,
             )
             for body, surface in zip(bodies_with_surface(scene), surfaces, strict=True)
         ),

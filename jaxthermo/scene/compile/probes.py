@@ -36,7 +36,8 @@ from ...structures.surface_map import Range, gradient_rows
 from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.grid import VoxelGrid
 from ..air import bodies_around_air, bodies_with_surface
-from ..scene import AbstractMaterials, Body, Probe, Scene
+from ..named import Probe
+from ..scene import AbstractMaterials, Body, Scene
 from .bodies import PreparedGroup
 
 

@@ -406,6 +406,8 @@ class Receipt:
     memory_bytes: int = 0
     """Forecast of the peak of the run, see `forecast_memory`, without the voxels and
     structures of the bodies, which exist already."""
+    body_names: tuple[str, ...] = ()
+    """Name of each body; empty for one without."""
     searches: tuple[str, ...] = ()
     """Searches in the geometry that this run made; others were remembered."""
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.scene.scene import Probe
+from jaxthermo.scene.named import Probe
 from jaxthermo.voxels.selection import Region, Side
 from jaxthermo.voxels.voxelize import voxelize
 from tests.shallow import SHALLOW

@@ -1,0 +1,150 @@
+"""Names of bodies: in receipts, errors, frames and files; many in few lines."""
+
+import json
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from calibrate.problem.parameters import find_path
+from jaxthermo.cli.body_lines import ReceiptRow, body_lines, summed
+from jaxthermo.errors import InputError
+from jaxthermo.image.files.exr import read_exr
+from jaxthermo.integrate.run.save_solution import save_solution
+from jaxthermo.integrate.run.solution_file import load_solution
+from jaxthermo.scene.compile.body_names import grouped_lines, named_receipt, with_names
+
+
+GRID = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.02)
+STRUCTURE = jt.FullVolume(GRID)
+
+
+def cube(name: str, x: float = 0.0, **options) -> jt.Body:
+    return jt.Body(
+        STRUCTURE,
+        jt.materials["brick"],
+        temperature=300.0,
+        pose=jt.Pose((x, 0.0, 0.0)),
+        name=name,
+        **options,
+    )
+
+
+@pytest.fixture(scope="module")
+def scene() -> jt.Scene:
+    on = jt.Everything(body=1)
+    terms = (jt.Convection(10.0, 290.0, on=on), jt.Contact(100.0))
+    return jt.Scene((cube("door.left"), cube("", 0.2)), terms)
+
+
+@pytest.fixture(scope="module")
+def solution(scene) -> jt.Solution:
+    return jt.simulate(scene, t1=10.0)
+
+
+def test_receipts_name_bodies(solution):
+    receipt = solution.receipt
+    assert receipt.body_names == ("door.left", "")
+    assert receipt.as_dict()["body_names"] == ("door.left", "")
+    left_out = {omission.what for omission in receipt.left_out}
+    assert "per-node conductivity on body 0 (door.left)" in left_out
+    assert "per-node conductivity on body 1" in left_out
+
+
+def test_frames_and_files_have_the_names(solution, tmp_path):
+    save_solution(tmp_path / "solution.npz", solution)
+    stored = load_solution(tmp_path / "solution.npz")
+    assert [s.geometry.name for s in stored.surfaces] == ["door.left", ""]
+    camera = jt.Camera((0.1, -0.5, 0.0), (0.1, 0.0, 0.0), width=32, height=24)
+    image = jt.render(solution, camera)
+    assert image.body_names == ("door.left", "")
+    jt.write_exr(tmp_path / "frame.exr", image)
+    _, header = read_exr(tmp_path / "frame.exr")
+    assert json.loads(header["bodies"]) == {"0": "door.left", "1": ""}
+
+
+def test_warnings_name_bodies(scene, solution):
+    lines = ("bodies 0 and 1 overlap by 3 mm, 5 % of body 0",)
+    receipt = named_receipt(replace(solution.receipt, warnings=lines), scene)
+    assert receipt.warnings == (
+        "bodies 0 (door.left) and 1 overlap by 3 mm, 5 % of body 0 (door.left)",
+    )
+
+
+def test_errors_name_bodies():
+    selection = jt.Face("back", body=1)
+    scene = jt.Scene((cube("a"), cube("b", 1.0)), (jt.HeatFlux(1.0, on=selection),))
+    with pytest.raises(InputError, match=r"body 1 \(b\) is solid"):
+        jt.compile_scene(scene)
+
+
+def test_two_bodies_of_one_name_are_refused():
+    with pytest.raises(InputError, match=r"the bodies \[0, 2\] have the name 'a'"):
+        jt.Scene((cube("a"), cube("b", 1.0), cube("a", 2.0)))
+
+
+def test_parameters_are_found_by_names_with_dots(scene):
+    path = find_path(scene, "bodies.door.left.material.conductivity")
+    assert path == ("bodies", 0, "material", "conductivity")
+    assert find_path(scene, "bodies.1.temperature") == ("bodies", 1, "temperature")
+    with pytest.raises(InputError, match="bodies has no 'window'"):
+        find_path(scene, "bodies.window.temperature")
+
+
+def test_only_whole_mentions_are_named():
+    names = ["a", "", "c"]
+    assert with_names("body 0 and body 2", names) == "body 0 (a) and body 2 (c)"
+    # One that has its name, one without, one that is not there.
+    assert with_names("body 0 (a), body 1", names) == "body 0 (a), body 1"
+    assert with_names("bodies[2]: body 12", names) == "bodies[2] (c): body 12"
+    assert with_names("bodies[2] (c): no", names) == "bodies[2] (c): no"
+    pair = "bodies 0 (a) and 2 (c) overlap"
+    assert with_names("bodies 0 and 2 overlap", names) == pair
+    assert with_names(pair, names) == pair
+
+
+def test_many_lines_that_differ_in_bodies_are_one():
+    lines = [f"body {n} (part {n}) is off by {n + 0.5} %" for n in range(200)]
+    assert grouped_lines(lines) == [f"{lines[0]} - and 199 more like it"]
+    assert grouped_lines(lines[:3]) == lines[:3]
+
+
+def test_200_bodies_are_few_lines():
+    bodies = tuple(cube(f"part {n}", float(n)) for n in range(200))
+    # 40 kinds, of which twenty have more bodies than the others.
+    kinds = [n % 40 if n < 180 else n % 20 for n in range(200)]
+    descriptions = [["mesh", f"{kind} voxels", "1 kg"] for kind in kinds]
+    lines = body_lines(jt.Scene(bodies), descriptions)
+    assert len(lines) == 22
+    assert lines[0] == "200 bodies of 40 kinds:"
+    assert lines[1].startswith("  6 bodies (body 0 (part 0), body 40 (part 40), ")
+    assert lines[1].endswith("..): 0 voxels; 1 kg")
+    told = sum(int(line.split()[0]) for line in lines[1:-1])
+    assert lines[-1] == f"  and {200 - told} more of 20 other kinds"
+    few = body_lines(jt.Scene(bodies[:2]), descriptions[:2])
+    assert few[0] == "body 0 (part 0): mesh"
+    assert len(few) == 6
+
+
+def test_rows_of_a_mechanism_are_summed():
+    rows = [
+        ReceiptRow("sun", f"body {n}", area=2.0, share=0.5, volume=0.0, heat_rate=3.0)
+        for n in range(10)
+    ]
+    (row,) = summed(rows)
+    assert row.cells == (
+        "sun",
+        "10 bodies (body 0, body 1, body 2, ..)",
+        "20 m2",
+        "",
+        "",
+        "30 W",
+    )
+
+
+def test_names_are_no_leaves_of_a_scene(scene):
+    leaves = jax.tree.leaves(scene)
+    assert not any(isinstance(leaf, str) for leaf in leaves)
+    assert np.asarray(scene.bodies[0].temperature) == 300.0
