@@ -17,7 +17,7 @@ from .schema.dataset import DatasetConfig
 from .schema.scene import SceneConfig
 from .strict_yaml import NEEDS, parse_yaml, read_yaml, write_yaml
 from .types.files import FOLDERS
-from .types.model import Location, Model, Short, field_parts
+from .types.model import Data, Location, Model, Short, field_parts
 
 
 # Keys whose mapping has paths as keys: what follows in a location is one path.
@@ -98,7 +98,7 @@ def load_model(
 
 def _validated(
     model: type[_Model],
-    data: dict[str, Any],
+    data: Data,
     path: Path,
     find_files: bool,
     source: Callable[[Location], str],

@@ -2,6 +2,7 @@
 
 import copy
 import re
+import runpy
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,18 @@ def load_sweep_block(folder, data):
     )
 
 
+def load_assembly_block(folder, text):
+    script = runpy.run_path(str(ROOT / "docs" / "examples" / "van_mesh.py"))
+    groups = ("panels", "windows", "trim", "interior", "machinery", "wheels")
+    parts = [part for group in groups for part in script[group]()]
+    script["write_glb"](folder / "van.glb", parts)
+    path = folder / "scene.yaml"
+    path.write_text(text)
+    config = load_config(path)
+    assert 40 < len(config.bodies) < len(parts) == 60
+    assert len({body.name for body in config.bodies}) == len(config.bodies)
+
+
 def load_body_part(folder, body_section):
     scene = {**SCENE, "bodies": [{**BODY, **body_section}]}
     assert load_config(write(folder / "part.yaml", scene), find_meshes=False)
@@ -108,6 +121,8 @@ def test_blocks_of_a_page_load(page, folder, capsys):
             pitch = "sheet.pitch=20 cm" if is_sheet else "pitch=5 mm"
             load_scene(folder, text, f"bodies.0.{pitch}")
             assert "included: conduction, sun" in capsys.readouterr().out
+        elif "assembly" in data:
+            load_assembly_block(folder, text)
         elif "axes" in data:
             load_sweep_block(folder, data)
         elif "parameters" in data or "truth" in data:
@@ -144,11 +159,11 @@ def scene_with(setting):
         scene["bodies"][0]["structure"] = {"kind": "aggregate", **setting}
     elif key == "weights":
         scene["bodies"][0]["structure"] = {"kind": "octree", **setting}
-    elif key in ("side", "region", "fragments", "body"):
-        scene["bodies"] *= 2
+    elif key in ("side", "region", "fragments", "body", "part"):
+        scene["bodies"] = [{**BODY, "name": name} for name in ("tyre", "roof")]
         scene["terms"] = [{"kind": "heat_flux", "heat_flux": 10, "on": setting}]
     elif key == "on":
-        scene["bodies"] *= 3
+        scene["bodies"] = [{**BODY, "name": name} for name in ("tyre", "roof", "door")]
         scene["terms"] = [{"kind": "heat_flux", "heat_flux": 10, **setting}]
     elif key in ("place", "start", "clear_sky"):
         site = {"latitude": 48, "longitude": 11}

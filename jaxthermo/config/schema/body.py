@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from ...archive import file_hash, text_hash
 from ...errors import InputError
 from ..types import quantities as si
 from ..types.files import FoundPath, read_solid
-from ..types.model import Mistake, Model, Short, build
+from ..types.model import Data, Mistake, Model, Short, build
 from ..types.varying import AnyFraction, not_increasing, unequal
 from .geometry import MeshConfig, PartsShape, PoseConfig, ShapeConfig
 from .interior import AirConfig, InteriorConfig
@@ -38,6 +39,20 @@ from .structure import (
 
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_NOT_IN_FILE_NAMES = re.compile(r"[^\w.-]+")
+
+_STRUCTURE_FIELDS = {
+    "mesh",
+    "shape",
+    "solid",
+    "pitch",
+    "voxels_high",
+    "surface_cells",
+    "sheet",
+    "structure",
+    "skin",
+}
+"""Fields from which the structure of a body follows."""
 
 
 class _PaintConfig(Model):
@@ -127,9 +142,11 @@ _AnyPose = Annotated[
 ]
 
 
-class BodyConfig(Model, builds="Body"):
-    """One body of the scene."""
+class _GeometryConfig(Model):
+    """Name of a body, and the source of its surface."""
 
+    name: Annotated[str, Field(min_length=1)] | None = None
+    """Name of the body in selections, receipts, results and frames."""
     mesh: MeshConfig | None = None
     """Mesh file of the body: a closed surface, or any surface for a sheet."""
     shape: ShapeConfig | None = None
@@ -137,6 +154,11 @@ class BodyConfig(Model, builds="Body"):
     solid: FoundPath | None = None
     """File of a boolean array [x, y, z], the voxels of the body, instead of a mesh;
     its lowest corner is the body's origin."""
+
+
+class BodyOptions(Model):
+    """All that a body is besides its surface: a solid or a sheet, its materials."""
+
     pitch: si.PositiveLength | None = None
     """Edge of a voxel [m]."""
     voxels_high: Annotated[si.Whole, Field(ge=1, le=4096)] | None = None
@@ -161,14 +183,26 @@ class BodyConfig(Model, builds="Body"):
     """Boxes of other materials, later ones on top."""
     coatings: tuple[_AnyCoating, ...] = ()
     """Emissivity and absorptivity of parts of the surface, later ones on top."""
-    temperature: si.Temperature
-    """Temperature at the start [K]."""
     pose: _AnyPose = PoseConfig()
     """Position in the scene, or a table of positions by time."""
     inside: Literal["closed", "open"] = "closed"
     """If open, air, sun and surroundings act in its closed cavities as well."""
     interior: InteriorConfig | None = None
     """Air in its closed cavities: inside a closed sheet, or a hollow solid."""
+
+    @classmethod
+    @override
+    def completed(cls, data: Data, context: Any) -> Data:
+        """The data with a mapping for the number of cells of a skin."""
+        is_number = isinstance(data.get("skin"), int)
+        return {**data, "skin": {"cells": data["skin"]}} if is_number else data
+
+
+class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
+    """One body of the scene."""
+
+    temperature: si.Temperature
+    """Temperature at the start [K]."""
 
     exactly_one: ClassVar = (
         ("mesh", "shape", "solid"),
@@ -181,25 +215,73 @@ class BodyConfig(Model, builds="Body"):
         Raises:
             InputError: for a mesh, labels or a fit card that cannot be used.
         """
+        return self._with_structure(self._build_structure(*args))
+
+    def build_sharing(self, structures: dict[str, object]) -> Any:
+        """The body, with a structure of the same geometry and options if there is one.
+
+        Args:
+            structures: structures by all that they follow from; a new one is added.
+
+        Raises:
+            InputError: as `build`.
+        """
+        key = self._structure_key()
+        if key not in structures:
+            structures[key] = self._build_structure()
+        return self._with_structure(structures[key])
+
+    def _build_structure(self, *args: Any) -> Any:
         if self.wall is not None:
-            structure = self._build_sheet(self.wall)
-            material = None
-        else:
-            (grid,) = args or (self.build_grid(),)
-            structure = self.structure.build(grid)
-            material = self.build_materials(grid)
-            if self.skin is not None:
-                diffusivity = _lowest_diffusivity(material, self.temperature)
-                structure = self.skin.build(structure, diffusivity)
+            return self._build_sheet(self.wall)
+        (grid,) = args or (self.build_grid(),)
+        structure = self.structure.build(grid)
+        if self.skin is None:
+            return structure
+        material = self.build_materials(grid)
+        diffusivity = _lowest_diffusivity(material, self.temperature)
+        return self.skin.build(structure, diffusivity)
+
+    def _structure_key(self) -> str:
+        """Text that is equal for bodies with equal structures."""
+        plain = self.model_dump(include=_STRUCTURE_FIELDS, exclude_none=True)
+        placed = self._placed_part()
+        if placed is not None:
+            plain["mesh"]["part"] = placed.mesh.name
+        # The material and temperature say how deep the skin is.
+        if self.skin is not None:
+            plain |= self.model_dump(include={"material", "regions", "temperature"})
+        return json.dumps(plain, sort_keys=True, default=_file_stamp)
+
+    def _with_structure(self, structure: Any) -> Any:
+        material = None if self.wall else self.build_materials(structure.grid)
         return self.target()(
             structure,
             material,
             temperature=self.temperature,
-            pose=self.pose.build(),
+            pose=self.build_pose(),
             surface_map=self.surface_map.build(),
             coatings=build(self.coatings),
             inside=self.inside,
+            name=self.name or "",
         )
+
+    def build_pose(self) -> Any:
+        """The pose, or the motion; after that of a part of a file in its own frame."""
+        pose = self.pose.build()
+        placed = self._placed_part()
+        return pose if placed is None else pose.after(placed.pose)
+
+    def _placed_part(self) -> "jaxthermo.PlacedPart | None":
+        """The part of a file that the body is; None for any other, or one that moves.
+
+        Between the poses of a motion a body turns about the origin of its own frame,
+        which then is that of the file.
+        """
+        if self.mesh is None or self.mesh.part is None:
+            return None
+        moves = isinstance(self.pose, _MotionConfig)
+        return None if moves else self.mesh.build_placed_part()
 
     @property
     def wall(self) -> SheetConfig | None:
@@ -234,14 +316,20 @@ class BodyConfig(Model, builds="Body"):
         return tuple(terms)
 
     def _build_sheet(self, wall: SheetConfig) -> Any:
+        return wall.build(self._build_parts())
+
+    def _build_parts(self) -> "dict[str, jaxthermo.Mesh]":
+        """The named parts of the geometry; a single one without a name."""
         with_parts = self._with_parts()
-        if with_parts is None:
-            return wall.build({"": self.build_mesh()})
-        return wall.build(with_parts.build_parts())
+        if with_parts is None or self._placed_part() is not None:
+            return {"": self.build_mesh()}
+        return with_parts.build_parts()
 
     @property
     def label(self) -> str:
-        """Name of the file or shape, without a suffix."""
+        """The name, or that of the file or shape, as a part of the name of a file."""
+        if self.name is not None:
+            return _NOT_IN_FILE_NAMES.sub("_", self.name)
         path = self.mesh.path if self.mesh is not None else self.solid
         if path is not None:
             return path.stem
@@ -254,6 +342,9 @@ class BodyConfig(Model, builds="Body"):
         The hash of a shape does not depend on its scale.
         """
         path = self.mesh.path if self.mesh is not None else self.solid
+        if path is not None and self.mesh is not None and self.mesh.part is not None:
+            content = text_hash(f"{file_hash(path)} {self.mesh.part}")
+            return f"{path.name}/{self.mesh.part}", content
         if path is not None:
             return path.name, file_hash(path)[:16]
         assert self.shape is not None
@@ -281,7 +372,8 @@ class BodyConfig(Model, builds="Body"):
         mesh_or_shape = self.mesh or self.shape
         if mesh_or_shape is None:
             raise InputError("bodies: a body needs a `mesh` or a `shape`")
-        return mesh_or_shape.build()
+        placed = self._placed_part()
+        return mesh_or_shape.build() if placed is None else placed.mesh
 
     def build_materials(self, grid: Any = None) -> Any:
         """A material, one with others painted over it, or one for each label or part.
@@ -289,9 +381,7 @@ class BodyConfig(Model, builds="Body"):
         Materials by parts of the mesh need the voxel grid of the body.
         """
         if isinstance(self.material, PartsConfig):
-            with_parts = self._with_parts()
-            assert with_parts is not None
-            return self.material.build(grid, with_parts.build_parts())
+            return self.material.build(grid, self._build_parts())
         assert self.material is not None
         base = self.material.build()
         painted = tuple(region.build() for region in self.regions)
@@ -352,6 +442,12 @@ class BodyConfig(Model, builds="Body"):
         if isinstance(self.material, LabelledConfig):
             return [(("regions",), "the labels of `material` say what is where")]
         return []
+
+
+def _file_stamp(path: Path) -> list[object]:
+    """Name and state of a file; another content has another state."""
+    status = path.stat() if path.exists() else None
+    return [str(path), status and status.st_mtime_ns, status and status.st_size]
 
 
 def _lowest_diffusivity(material: Any, temperature: float) -> float:

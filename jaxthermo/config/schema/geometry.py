@@ -1,5 +1,7 @@
 """Geometry of a body: a mesh file, a shape, or several of them combined, and poses."""
 
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -8,7 +10,7 @@ from typing_extensions import override
 import jaxthermo
 
 from ...errors import InputError
-from ..messages import quoted
+from ..messages import close_match, quoted
 from ..types import quantities as si
 from ..types.files import FoundPath
 from ..types.model import ByKind, Mistake, Model, build
@@ -44,12 +46,63 @@ class MeshConfig(Model, builds="load_mesh"):
     height: si.PositiveLength | None = None
     """Extent along `up` [m], instead of the unit."""
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
+    part: Annotated[str, Field(min_length=1)] | None = None
+    """Name of the only part of the file that counts; `jaxthermo parts` lists them."""
 
     exactly_one: ClassVar = (("unit", "height"),)
 
+    @override
+    def build(self, *args: Any) -> Any:
+        """The mesh of the file, or of the part, at its position.
+
+        Raises:
+            InputError: for a file or part that cannot be used.
+        """
+        if self.part is None:
+            return super().build()
+        placed = self.build_placed_part()
+        return placed.mesh.placed(placed.pose)
+
     def build_parts(self) -> "dict[str, jaxthermo.Mesh]":
         """The named parts of the file, placed like the mesh."""
+        if self.part is not None:
+            return {"": self.build()}
         return jaxthermo.load_parts(**self.arguments())
+
+    def build_placed_part(self) -> "jaxthermo.PlacedPart":
+        """The part in a frame that it shares with the parts of its geometry.
+
+        Raises:
+            InputError: for a file that cannot be read, or has no such part.
+        """
+        assert self.part is not None
+        parts = self.placed_parts()
+        if self.part not in parts:
+            raise InputError(
+                f"{self.path}: there is no part {self.part!r}"
+                f"{close_match(self.part, parts)}"
+            )
+        return parts[self.part]
+
+    def placed_parts(self) -> "Mapping[str, jaxthermo.PlacedPart]":
+        """All parts of the file, by name, those of equal geometry with one mesh.
+
+        Raises:
+            InputError: for a file that cannot be read.
+        """
+        arguments = {k: v for k, v in self.arguments().items() if k != "part"}
+        status = self.path.stat() if self.path.exists() else None
+        stamp = status and (status.st_mtime_ns, status.st_size)
+        return _placed_parts(stamp, **arguments)
+
+
+@lru_cache(maxsize=8)
+def _placed_parts(
+    stamp: object, **arguments: Any
+) -> "Mapping[str, jaxthermo.PlacedPart]":
+    """Parts of a file; the stamp tells whether it has changed."""
+    del stamp
+    return jaxthermo.placed_parts(jaxthermo.load_parts(**arguments))
 
 
 class _Box(Model, builds="shapes.box", kind="box"):

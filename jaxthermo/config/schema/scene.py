@@ -6,15 +6,25 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 from typing_extensions import override
 
 from ..types.files import FoundPath
-from ..types.model import Location, Mistake, Model, build, field_parts, models_within
+from ..types.model import (
+    Data,
+    Location,
+    Mistake,
+    Model,
+    build,
+    field_parts,
+    models_within,
+)
 from ..types.quantities import Flag, NotEmpty, Position, PositiveTime, Unit, Whole
 from ..types.varying import not_increasing
+from .assembly import AssemblyConfig, with_assembly
 from .body import BodyConfig
 from .image import CameraConfig, ImageConfig, PinholeConfig
+from .named_bodies import equal_names, with_numbers
 from .outdoors import ALL_TERMS, OutdoorsConfig
 from .solver import AutoSolver, SolverConfig
 from .terms import TermConfig
@@ -103,7 +113,10 @@ class SceneConfig(Model, builds="Scene"):
     with which they move."""
     surface_outputs: tuple[Literal["heat_flux", "heat_transfer_coefficient"], ...] = ()
     """Quantities that are saved for every fragment, in addition to its temperature."""
-    bodies: Annotated[tuple[BodyConfig, ...], NotEmpty]
+    bodies: Annotated[tuple[BodyConfig, ...], NotEmpty] = ()
+    assembly: AssemblyConfig | None = None
+    """Further bodies, after `bodies`, from the parts of one file; a run has them in its
+    `config.yaml` as bodies."""
     terms: tuple[TermConfig, ...] = ()
     """Everything that heats and cools the bodies; other mechanisms are not computed."""
     outdoors: OutdoorsConfig | None = None
@@ -117,13 +130,16 @@ class SceneConfig(Model, builds="Scene"):
     """Camera, by default chosen to show all bodies."""
     image: ImageConfig = ImageConfig()
 
-    @model_validator(mode="before")
     @classmethod
-    def _with_skins(cls, data: Any) -> Any:
-        # The scene says where a skin is of use, and after which time.
-        bodies = data.get("bodies") if isinstance(data, dict) else None
+    @override
+    def completed(cls, data: Data, context: Any) -> Data:
+        if data.get("assembly") is not None:
+            data = with_assembly(data, context)
+        bodies = data.get("bodies")
         if not isinstance(bodies, list):
             return data
+        data = with_numbers(data)
+        # The scene says where a skin is of use, and after which time.
         with_skins = [
             _with_skin(data, number, body) if isinstance(body, dict) else body
             for number, body in enumerate(bodies)
@@ -136,7 +152,9 @@ class SceneConfig(Model, builds="Scene"):
         Raises:
             InputError: for a mesh, labels, mask or fit card that cannot be used.
         """
-        bodies = self.with_air(build(self.bodies))
+        structures: dict[str, object] = {}
+        bodies = tuple(body.build_sharing(structures) for body in self.bodies)
+        bodies = self.with_air(bodies)
         return self.scene(bodies=bodies, terms=self.build_terms())
 
     def with_air(self, bodies: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -194,6 +212,7 @@ class SceneConfig(Model, builds="Scene"):
         # Sections that contradict each other are reported even if others are invalid.
         return [
             *_missing_bodies(data),
+            *equal_names(data),
             *_unsaved_frames(data),
             *_unseen_measurements(data),
             *_second_emission(data),

@@ -5,7 +5,7 @@ import operator
 from functools import reduce
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 import jaxthermo
 
@@ -14,41 +14,66 @@ from ..types.model import Mistake, Model, Short, build
 from ..types.quantities import Angle, Direction, Index, NotEmpty, Position
 
 
-class _SideConfig(Model, builds="Side"):
+def _listed(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+Patterns = Annotated[
+    tuple[Annotated[str, Field(min_length=1)], ...],
+    NotEmpty,
+    BeforeValidator(_listed, json_schema_input_type=str | list[str]),
+]
+"""A pattern of names of parts or bodies, or a list of such patterns."""
+
+
+class _OnBody(Model):
+    """A selection on a body, by its number or its name."""
+
+    body: Index = 0
+    part: Patterns | None = None
+    """Pattern of names of bodies, or a list of them, instead of a number."""
+
+    def mistakes(self) -> list[Mistake]:
+        return _misplaced(self.part)
+
+
+def _misplaced(part: Any) -> list[Mistake]:
+    # The scene has replaced those of terms by numbers.
+    message = "only the terms of a scene select bodies by name: leave it out"
+    return [] if part is None else [(("part",), message)]
+
+
+class _SideConfig(_OnBody, builds="Side"):
     """The surface that faces a direction."""
 
     normal: Direction
     half_angle: Annotated[Angle, Field(gt=0, le=math.pi)] = math.pi / 4
-    body: Index = 0
 
 
-class _FaceConfig(Model, builds="Face"):
+class _FaceConfig(_OnBody, builds="Face"):
     """One of the two faces of a sheet."""
 
     name: Literal["front", "back"]
     """The front is on the side of the normals."""
-    body: Index = 0
 
 
 _AnyFace = Annotated[_FaceConfig, Short("name", words=("front", "back"))]
 
 
-class _RegionConfig(Model, builds="Region"):
+class _RegionConfig(_OnBody, builds="Region"):
     """Everything within a box in the body's own frame [m]."""
 
     lower: Position
     upper: Position
-    body: Index = 0
 
     def mistakes(self) -> list[Mistake]:
-        return empty_box(self.lower, self.upper)
+        return [*super().mistakes(), *empty_box(self.lower, self.upper)]
 
 
-class _FragmentsConfig(Model, builds="FragmentMask"):
+class _FragmentsConfig(_OnBody, builds="FragmentMask"):
     """Surface fragments by a file with a truth value for each."""
 
     mask: FoundPath
-    body: Index = 0
 
     def build(self, *args: Any) -> Any:
         return self.target()(mask=read_mask(self.mask), body=self.body)
@@ -59,6 +84,8 @@ class _Selection(Model):
 
     region: _RegionConfig | None = None
     body: Index | None = None
+    part: Patterns | None = None
+    """Pattern of names of bodies, or a list of them, instead of a number."""
 
     # A key that is a keyword of Python cannot be declared as a field.
     def __init_subclass__(cls, **options: Any) -> None:
@@ -108,8 +135,8 @@ class _Selection(Model):
                 return {value.body}
 
     def mistakes(self) -> list[Mistake]:
-        if self.bodies:
-            return []
+        if self.part is not None or self.bodies:
+            return _misplaced(self.part)
         return [(("all",), "its parts are on different bodies: no surface is on all")]
 
 
@@ -121,14 +148,14 @@ class WhereConfig(_Selection):
     fragments: _FragmentsConfig | None = None
 
     exactly_one: ClassVar = (
-        ("side", "face", "region", "fragments", "body", "all", "any", "not"),
+        ("side", "face", "region", "fragments", "body", "part", "all", "any", "not"),
     )
 
 
 class WithinConfig(_Selection):
     """The part of the inside on which a term acts."""
 
-    exactly_one: ClassVar = (("region", "body", "all", "any", "not"),)
+    exactly_one: ClassVar = (("region", "body", "part", "all", "any", "not"),)
 
 
 def empty_box(

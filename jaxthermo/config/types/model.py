@@ -25,11 +25,22 @@ import jaxthermo
 
 from ...temperatures import ALLOW_EXTREME
 from ..messages import MISTAKE, close_match, explain, quoted
+from .quantities import Info
 
 
 Location: TypeAlias = tuple[str | int, ...]
 # Location in the model, and what is wrong there.
 Mistake: TypeAlias = tuple[Location, str]
+Data: TypeAlias = dict[str, Any]
+"""A mapping of a file, before it is validated."""
+
+
+class MistakesError(Exception):
+    """Mistakes in data from which other values would follow."""
+
+    def __init__(self, mistakes: list[Mistake]):
+        super().__init__(mistakes)
+        self.mistakes = mistakes
 
 
 class Model(BaseModel):
@@ -97,6 +108,20 @@ class Model(BaseModel):
         return f"unknown key{close_match(key, cls.model_fields)}"
 
     @classmethod
+    def completed(cls, data: Data, context: Any) -> Data:
+        """The data with the values that follow from others, before it is validated.
+
+        Args:
+            data: of this mapping.
+            context: of the validation, see `types.files`.
+
+        Raises:
+            MistakesError: for values from which nothing follows.
+        """
+        del context
+        return data
+
+    @classmethod
     def raw_mistakes(cls, data: Mapping[str, object]) -> Iterable[Mistake]:
         """Mistakes that can be seen before the values are validated."""
         return ()
@@ -107,13 +132,19 @@ class Model(BaseModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _collect(cls, data: Any, handler: Callable[[Any], "Model"]) -> "Model":
+    def _collect(
+        cls, data: Any, handler: Callable[[Any], "Model"], info: Info
+    ) -> "Model":
         # A default, or what another model has validated.
         if isinstance(data, cls):
             return data
         if not isinstance(data, dict):
             message = f"expected `key: value` lines, got {quoted(data)}"
             raise _error(cls, [((), message)])
+        try:
+            data = cls.completed(data, info.context)
+        except MistakesError as error:
+            raise _error(cls, error.mistakes) from error
         mistakes = [*_unknown(cls, data), *_groups(cls, data), *cls.raw_mistakes(data)]
         model = None
         try:
@@ -121,8 +152,7 @@ class Model(BaseModel):
             fields = {k: v for k, v in data.items() if k in cls.model_fields}
             model = handler(fields)
         except ValidationError as error:
-            entries = error.errors(include_url=False)
-            mistakes += [(_location_of(entry), explain(entry)) for entry in entries]
+            mistakes += mistakes_in(error)
         if model is not None:
             mistakes += model.mistakes()
         if model is None or mistakes:
@@ -297,6 +327,12 @@ class Short:
         if self.default is not None and isinstance(value, dict):
             return {self.key: self.default, **value}
         return value
+
+
+def mistakes_in(error: ValidationError) -> list[Mistake]:
+    """The mistakes that a validation found."""
+    entries = error.errors(include_url=False)
+    return [(_location_of(entry), explain(entry)) for entry in entries]
 
 
 def _location_of(error: Mapping[str, Any]) -> tuple[str | int, ...]:

@@ -12,9 +12,9 @@ def refused(scene):
     The lines are without the file's name; a module has the fixture `scene`.
     """
 
-    def load(*arguments: str) -> list[str]:
+    def load(*arguments: str, **options: object) -> list[str]:
         with pytest.raises(InputError) as caught:
-            scene(*arguments)
+            scene(*arguments, **options)
         return [line.split(": ", 1)[1] for line in str(caught.value).splitlines()]
 
     return load

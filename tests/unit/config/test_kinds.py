@@ -28,8 +28,13 @@ CONVERTED = {
         *("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells"),
         *("structure", "regions", "sheet", "skin", "interior"),
     },
+    # The scene replaces names of bodies by numbers.
+    **{f"{kind}Config": {"part"} for kind in ("Face", "Fragments", "Region", "Side")},
+    "MeshConfig": {"part"},
+    "AirConfig": {"exchange", "outside", "temperature"},
     "CoatingConfig": {"finish"},
     "DirectionTable": {"values"},
+    "InteriorConfig": {"air"},
     "LabelledConfig": {"materials"},
     "MaterialConfig": {"name"},
     "MotionConfig": {"times", "poses"},

@@ -1,0 +1,124 @@
+"""Names of bodies in the terms of a scene, before it is validated: numbers of them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...geometry.parts import listed_names, matching_parts
+from ..types.model import Data, Location, Mistake, MistakesError
+
+
+_COMBINED = ("all", "any")
+_ON_BODIES = ("side", "face", "region", "fragments")
+
+
+def with_numbers(data: Data) -> Data:
+    """The data with numbers of bodies where its terms have names of them.
+
+    Raises:
+        MistakesError: for names or patterns that no body has.
+    """
+    if not isinstance(data.get("terms"), list):
+        return data
+    names = {name: number for number, name in _names(data.get("bodies"))}
+    terms = []
+    mistakes: list[Mistake] = []
+    for number, term in enumerate(data["terms"]):
+        numbered = term
+        if isinstance(term, dict):
+            try:
+                numbered = _numbered_term(term, names)
+            except MistakesError as error:
+                mistakes += [
+                    (("terms", number, *where), line) for where, line in error.mistakes
+                ]
+        terms.append(numbered)
+    if mistakes:
+        raise MistakesError(mistakes)
+    return {**data, "terms": terms}
+
+
+def equal_names(data: Mapping[str, object]) -> list[Mistake]:
+    """Bodies that are missing, or have the name of an earlier one."""
+    if "bodies" not in data:
+        return [(("bodies",), "missing: give them, or an `assembly`")]
+    first: dict[str, int] = {}
+    mistakes: list[Mistake] = []
+    for number, name in _names(data["bodies"]):
+        if first.setdefault(name, number) != number:
+            message = f"{name!r} is the name of body {first[name]} too: change one"
+            mistakes.append((("bodies", number, "name"), message))
+    return mistakes
+
+
+def _names(bodies: object) -> list[tuple[int, str]]:
+    """Number and name of each body that has a name."""
+    listed = enumerate(bodies if isinstance(bodies, list) else ())
+    named = [(number, body) for number, body in listed if isinstance(body, dict)]
+    named = [(number, body.get("name")) for number, body in named]
+    return [(number, name) for number, name in named if isinstance(name, str)]
+
+
+def _numbered_term(term: Data, names: Mapping[str, int]) -> Data:
+    """A term whose selections and bodies are numbers.
+
+    Raises:
+        MistakesError: for a name or pattern that no body has.
+    """
+    numbered = dict(term)
+    for key in ("on", "within"):
+        if key in term:
+            numbered[key] = _numbered(term[key], (key,), names)
+    if isinstance(term.get("bodies"), list):
+        numbered["bodies"] = [
+            _single(body, ("bodies", i), names) if isinstance(body, str) else body
+            for i, body in enumerate(term["bodies"])
+        ]
+    return numbered
+
+
+def _numbered(selection: Any, where: Location, names: Mapping[str, int]) -> Any:
+    """A selection with numbers of bodies for patterns of their names."""
+    if not isinstance(selection, dict):
+        return selection
+    result = {}
+    for key, value in selection.items():
+        if key == "part":
+            chosen = [{"body": n} for n in _matching(value, (*where, key), names)]
+        elif key in _ON_BODIES and isinstance(value, dict) and "part" in value:
+            of_body = {k: v for k, v in value.items() if k != "part"}
+            numbers = _matching(value["part"], (*where, key, "part"), names)
+            chosen = [{key: {**of_body, "body": n}} for n in numbers]
+        elif key in _COMBINED and isinstance(value, list):
+            result[key] = [
+                _numbered(inner, (*where, key, i), names)
+                for i, inner in enumerate(value)
+            ]
+            continue
+        else:
+            result[key] = _numbered(value, (*where, key), names)
+            continue
+        result |= chosen[0] if len(chosen) == 1 else {"any": chosen}
+    return result
+
+
+def _matching(patterns: Any, where: Location, names: Mapping[str, int]) -> list[int]:
+    """Numbers of the bodies that a pattern, or a list of them, stands for."""
+    numbers = set()
+    for pattern in patterns if isinstance(patterns, list) else [patterns]:
+        matching = matching_parts(str(pattern), names)
+        if not matching:
+            there = (
+                f"there are {listed_names(list(names))}" if names else "none has one"
+            )
+            line = f"no body has the name {pattern!r}; {there}"
+            raise MistakesError([(where, line)])
+        numbers |= {names[name] for name in matching}
+    return sorted(numbers)
+
+
+def _single(name: str, where: Location, names: Mapping[str, int]) -> int:
+    numbers = _matching(name, where, names)
+    if len(numbers) > 1:
+        line = f"{name!r} is the name of {len(numbers)} bodies: name one"
+        raise MistakesError([(where, line)])
+    return numbers[0]
