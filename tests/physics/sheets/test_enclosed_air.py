@@ -21,6 +21,7 @@ from jaxthermo.integrate.run.segments import (
 )
 from jaxthermo.material.material import Property
 from tests.radiating import room
+from tests.shallow import SHALLOW
 from tests.slopes import check_gradient
 
 
@@ -215,6 +216,7 @@ def room_scene(air_term, conductivity=RISING, with_air=True):
     return jt.Scene(tuple(bodies), terms, dtype="float64")
 
 
+@SHALLOW
 @pytest.mark.slow
 def test_walls_whose_conductivity_varies():
     enclosed = jt.EnclosedAir(40.0, 0.5, 360.0, body=0, air=1)
@@ -237,6 +239,7 @@ def test_walls_whose_conductivity_varies():
     assert int(effort.newton_iterations) <= 3 * implicit.run.steps
 
 
+@SHALLOW
 @pytest.mark.slow
 def test_derivatives_through_walls_whose_conductivity_varies():
     def end(numbers):
