@@ -206,7 +206,8 @@ def test_only_the_body_that_is_too_coarse_is_named():
     assert line.startswith(
         "body 1: 1 s after a change of its loads heat has gone 0.71 mm"
     )
-    assert "give it a skin (`skin: {cells: 10}`) or a finer pitch, or save later" in line
+    remedy = "give it a skin (`skin: {cells: 10}`) or a finer pitch, or save later"
+    assert remedy in line
 
 
 def test_a_sudden_load_late_in_a_run_is_seen():
