@@ -5,6 +5,7 @@ import pytest
 
 import jaxthermo as jt
 from tests.bodies import blocks
+from tests.shallow import SHALLOW
 
 
 pytestmark = pytest.mark.slow
@@ -49,6 +50,7 @@ BODIES = {
 IN_SLICE = ("one voxel", "a lone voxel")
 
 
+@SHALLOW
 @pytest.mark.parametrize(
     "body",
     [
