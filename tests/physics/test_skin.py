@@ -97,7 +97,8 @@ def test_half_space_in_a_furnace(cells, limit):
     # 20 mm voxels, of which heat goes 0.7 mm deep in the first second.
     grid = bar(15, 0.02)
     if cells == "auto":
-        cells = jt.Skin.cells_for(0.02, GROUND.diffusivity, RADIATION_TIMES[0])
+        diffusivity = float(GROUND.diffusivity)
+        cells = jt.Skin.cells_for(0.02, diffusivity, RADIATION_TIMES[0])
     skin = jt.Skin(jt.FullVolume(grid), cells=cells, on=HOT_END)
     scene = single_body_scene(
         skin,
