@@ -29,7 +29,7 @@ from jaxtyping import Array, Float, Int
 from jaxthermo.arrays import precision
 from jaxthermo.config.types.quantities import extreme_mistake
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.parts import pattern_of_parts
+from jaxthermo.geometry.part_names import pattern_of_parts
 from jaxthermo.scene.scene import Scene, mechanism_names
 from jaxthermo.structures.kinds.sheet import Sheet
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..config.schema.material import material_names
 from ..config.strict_yaml import write_flow
 from ..geometry.mesh import Mesh
-from ..geometry.parts import matching_parts, short_names
+from ..geometry.part_names import matching_parts, short_names
 from ..geometry.wall_thickness import wall_thickness
 
 

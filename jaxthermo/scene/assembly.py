@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..errors import InputError, require
 from ..geometry.equal_parts import placed_parts
 from ..geometry.mesh import Mesh
-from ..geometry.parts import assign_rules, short_names
+from ..geometry.part_names import assign_rules, short_names
 from ..material.material import Material
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from ..geometry.mesh import Mesh
-from ..geometry.parts import pattern_of_parts
+from ..geometry.part_names import pattern_of_parts
 from ..material.material import Material
 from ..voxels.grid import VoxelGrid
 from ..voxels.parts import part_labels

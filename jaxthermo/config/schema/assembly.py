@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import ValidationError
 
 from ...errors import InputError
-from ...geometry.parts import assign_rules, short_names
+from ...geometry.part_names import assign_rules, short_names
 from ..types.model import Data, Mistake, MistakesError, Model, mistakes_in
 from ..types.quantities import Flag, NotEmpty, PositiveLength, Temperature
 from .body import BodyConfig, BodyOptions

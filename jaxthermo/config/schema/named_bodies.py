@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ...geometry.parts import listed_names, matching_parts
+from ...geometry.part_names import listed_names, matching_parts
 from ..types.model import Data, Location, Mistake, MistakesError
 
 

@@ -11,7 +11,8 @@ from typing_extensions import override
 from ...arrays import array_namespace, typed_array
 from ...errors import InputError, require, whole_number
 from ...geometry.mesh import Mesh
-from ...geometry.parts import joined_parts, pattern_of_parts
+from ...geometry.part_names import pattern_of_parts
+from ...geometry.parts import joined_parts
 from ...material.layer import Layer
 from ...memo.found import found
 from ...sheets.cells import sheet_cells

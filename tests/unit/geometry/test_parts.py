@@ -12,7 +12,7 @@ import jaxthermo as jt
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.parts import matching_parts
+from jaxthermo.geometry.part_names import matching_parts
 from tests.mesh_files import box_gltf, box_primitive
 
 
