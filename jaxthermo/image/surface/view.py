@@ -412,20 +412,20 @@ def kept_view(
     first, *further_bodies = (surface.geometry for surface in surfaces)
     radius = np.asarray(-1.0 if occlusion is None else occlusion, float).tobytes()
     key = (*further_bodies, *_identity(camera), smooth, radius)
-    # What moves is another object at every time.
-    terms_then = tuple(term.at(time) for term in terms)
     # Released with the geometry of the first body.
     views: list[_KeptView] = found((first,), "kept views", list)
     for number, entry in enumerate(views):
         if _same(entry.key, key):
             # The most recently used view is dropped last.
             view = entry.view
-            if not _same(view.terms, terms_then):
-                view = view.with_terms(terms_then)
+            # What moves is another object at every time.
+            if not _same(view.terms, terms):
+                view = view.with_terms(tuple(term.at(time) for term in terms))
             del views[number]
             views.append(_KeptView(key, view))
             return view
     bodies_then = tuple(surface.at(time) for surface in surfaces)
+    terms_then = tuple(term.at(time) for term in terms)
     view = compute_view(
         bodies_then, terms=terms_then, camera=camera, smooth=smooth, occlusion=occlusion
     )
