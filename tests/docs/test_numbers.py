@@ -40,8 +40,8 @@ GIVEN = {
     "docs/guide/structures.md": "1 GiB; 15 000 nodes; 180 s; 5 %; 99.5 %",
     "docs/guide/sweeps.md": "0.1 %; 1 %; 3 %",
     "docs/scaling.md": "25 GB",
-    "docs/limits.md": "1 K; 1 s; 1000 s; 15 %; 150 K; 150 to 6000 K; 2 %; 20 degC; 3 %; "
-    "25 degrees; 280 K; 280 degC; 5 %; 5 degrees; 6000 K; 64 times",
+    "docs/limits.md": "1 K; 1 s; 1000 s; 15 %; 150 K; 150 to 6000 K; 2 %; 20 degC; "
+    "25 degrees; 280 K; 280 degC; 3 %; 5 %; 5 degrees; 6000 K; 64 times",
     "docs/stages/image.md": "5800 K",
     "docs/stages/time.md": "0 K; 0.1 %; 1 mK; 1 mm; 30 s; 300 K; 400 K; 5 million",
     "docs/stages/voxels.md": "2 %",
