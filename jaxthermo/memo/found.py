@@ -12,7 +12,6 @@ ones are dropped when all findings exceed `MAX_BYTES`. Stored arrays are read-on
 import contextlib
 import hashlib
 import weakref
-from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from contextvars import ContextVar
 from functools import partial
@@ -43,8 +42,9 @@ class _Entry(NamedTuple):
 
 # By the addresses of objects, which no other object has while the entry exists. Each
 # operation on it is atomic, so that threads share it, and so does the collector, which
-# may drop an entry at any moment.
-_entries: OrderedDict[Hashable, _Entry] = OrderedDict()
+# may drop an entry at any moment. The least recently used one is the first: a plain
+# dict is copied without hashing its keys, which may run Python, and the collector.
+_entries: dict[Hashable, _Entry] = {}
 
 
 def found(
@@ -71,7 +71,7 @@ def found(
         is_stored = False
     if entry is not None and is_stored:
         with contextlib.suppress(KeyError):
-            _entries.move_to_end(key)
+            _entries[key] = _entries.pop(key)
         return entry.value
     names = _searches.get()
     if search and names is not None:
@@ -97,7 +97,7 @@ def _store(key: Hashable, of: tuple[object, ...], value: Any) -> None:
     drop = partial(_entries.pop, key)
     _entries[key] = _Entry(value, size, tuple(weakref.ref(part, drop) for part in of))
     while findings_size()[1] > MAX_BYTES:
-        _entries.popitem(last=False)
+        _entries.pop(next(iter(_entries), None), None)
 
 
 @contextlib.contextmanager
@@ -118,7 +118,7 @@ def forget_findings() -> None:
 
 def findings_size() -> tuple[int, int]:
     """Return the number of findings, and their size [bytes]."""
-    sizes = [entry.size for entry in list(_entries.values())]
+    sizes = [entry.size for entry in _entries.copy().values()]
     return len(sizes), sum(sizes)
 
 
