@@ -157,16 +157,6 @@ class JoinedStructure(AbstractStructure):
     def capacity_ratio(self) -> float:
         return float(self.nodes().volume.sum()) / self.volume
 
-    @property
-    @override
-    def state_shape(self) -> tuple[int, ...]:
-        return (self.node_count,)
-
-    @override
-    def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        count = self.node_count
-        return self.found("node_address", lambda: (np.arange(count, dtype=np.int32),))
-
     def _of_parts(self, values: Callable[[AbstractStructure], Any]) -> np.ndarray:
         return np.concatenate([values(part) for part in self.parts])
 

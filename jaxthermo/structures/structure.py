@@ -151,13 +151,14 @@ class AbstractStructure(Module):
         """Total volume of the nodes over that of the body [-]."""
 
     @property
-    @abc.abstractmethod
     def state_shape(self) -> tuple[int, ...]:
         """Shape of the solver's state: the nodes, or the lattice with a rim."""
+        return (self.node_count,)
 
-    @abc.abstractmethod
     def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
         """Indices of every node in the state."""
+        count = self.node_count
+        return self.found("node_address", lambda: (np.arange(count, dtype=np.int32),))
 
     def address_of(self, nodes: Int[np.ndarray, " m"]) -> tuple[np.ndarray, ...]:
         """Indices of nodes in the state."""
@@ -338,13 +339,3 @@ class AbstractBuiltStructure(AbstractVoxelStructure):
     @override
     def capacity_ratio(self) -> float:
         return float(self.built.nodes.volume.sum() / self.grid.body_volume)
-
-    @property
-    @override
-    def state_shape(self) -> tuple[int, ...]:
-        return (self.node_count,)
-
-    @override
-    def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        count = self.node_count
-        return self.found("node_address", lambda: (np.arange(count, dtype=np.int32),))

@@ -76,11 +76,6 @@ class AirVolume(AbstractStructure):
 
     @property
     @override
-    def state_shape(self) -> tuple[int, ...]:
-        return (1,)
-
-    @property
-    @override
     def volume(self) -> float:
         return float(self.air_volume)
 
@@ -88,10 +83,6 @@ class AirVolume(AbstractStructure):
     @override
     def capacity_ratio(self) -> float:
         return 1.0
-
-    @override
-    def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        return (np.zeros(1, np.int32),)
 
     @override
     def nodes(self) -> Nodes:

@@ -145,11 +145,6 @@ class Sheet(AbstractStructure):
 
     @property
     @override
-    def state_shape(self) -> tuple[int, ...]:
-        return (self.node_count,)
-
-    @property
-    @override
     def volume(self) -> float:
         return float(self._cell_volumes().sum())
 
@@ -170,11 +165,6 @@ class Sheet(AbstractStructure):
     @override
     def capacity_ratio(self) -> float:
         return 1.0
-
-    @override
-    def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        count = self.node_count
-        return self.found("node_address", lambda: (np.arange(count, dtype=np.int32),))
 
     @override
     def nodes(self) -> Nodes:

@@ -197,17 +197,6 @@ class Skin(AbstractVoxelStructure):
     def capacity_ratio(self) -> float:
         return self.structure.capacity_ratio
 
-    @property
-    @override
-    def state_shape(self) -> tuple[int, ...]:
-        return (self.node_count,)
-
-    @override
-    def node_address(self) -> tuple[Int[np.ndarray, " n"], ...]:
-        return self.found(
-            "node_address", lambda: (np.arange(self.node_count, dtype=np.int32),)
-        )
-
     def _division(self) -> "_Division":
         return self.found(
             "division",
