@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import sorted_union
+from ..arrays import numbered, sorted_union
 from ..geometry.vectors import row_dot
 from .surface import Surface, summed_rows
 
@@ -226,8 +226,7 @@ def joined_rings(
             if len(piece) <= _MOST_AROUND and nodes.is_ring(piece, _STILL_NARROW):
                 join(piece)
     _join_caps(nodes, joined, is_free)
-    _, node = np.unique(joined[node], return_inverse=True)
-    return node
+    return numbered(joined[node]).number
 
 
 def _first_rings(nodes: _Complex) -> list[set[int]]:
