@@ -9,7 +9,7 @@ from ..host_memory import readable_bytes
 from ..report.numbers import count
 from ..scene.air import bodies_with_surface
 from ..scene.body_mass import body_mass
-from ..scene.compile.body_names import body_label
+from ..scene.compile.body_names import body_labels
 from ..scene.scene import Body, Scene
 from ..structures.kinds.sheet import Sheet
 from ..structures.report import StructureReport
@@ -48,7 +48,7 @@ def described(body: Body, report: StructureReport) -> list[str]:
 def body_lines(scene: Scene, descriptions: list[list[str]]) -> list[str]:
     """Lines about all bodies; of many, one for each kind."""
     bodies = bodies_with_surface(scene)
-    labels = [body_label(n, body.name) for n, body in enumerate(bodies)]
+    labels = body_labels(scene)[: len(bodies)]
     if len(labels) <= MAX_BODIES:
         lines = []
         for body, label, (mesh, *details) in zip(

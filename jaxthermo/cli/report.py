@@ -17,9 +17,9 @@ from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution
 from ..report.numbers import count
 from ..report.table import Table
-from ..scene.air import bodies_around_air, bodies_with_surface, body_name
+from ..scene.air import bodies_around_air, bodies_with_surface
 from ..scene.body_mass import body_mass
-from ..scene.compile.body_names import grouped_lines, with_names
+from ..scene.compile.body_names import body_labels, grouped_lines
 from ..scene.compile.program import Compiled
 from ..scene.scene import Scene
 from ..structures.report import StructureReport
@@ -37,13 +37,13 @@ def log_scene(
     ]
     for line in body_lines(scene, descriptions):
         print_line(console, line)
+    labels = body_labels(scene)
     airs = [
-        f"air of body {around}: {scene.bodies[air].structure.volume:.4g} m3, "
+        f"{labels[air]}: {scene.bodies[air].structure.volume:.4g} m3, "
         f"{body_mass(scene.bodies[air]):.4g} kg"
-        for air, around in bodies_around_air(scene).items()
+        for air in bodies_around_air(scene)
     ]
-    names = [body.name for body in scene.bodies]
-    for line in grouped_lines(with_names(air, names) for air in airs):
+    for line in grouped_lines(airs):
         print_line(console, line)
     receipt = plan.compiled.receipt
     print_line(console, f"included: {', '.join(receipt.included)}")
@@ -73,11 +73,8 @@ def log_scene(
 def log_receipt(console: Console, plan: Plan) -> None:
     """Print the receipt: mechanisms, with the bodies and areas on which they act."""
     receipt = plan.compiled.receipt
-    airs = bodies_around_air(plan.scene)
-    labels = [
-        with_names(body_name(number, airs), receipt.body_names)
-        for number in range(len(receipt.structures))
-    ]
+    labels = body_labels(plan.scene)
+    surfaces = len(bodies_with_surface(plan.scene))
     rows = [
         ReceiptRow(
             "conduction",
@@ -87,10 +84,9 @@ def log_receipt(console: Console, plan: Plan) -> None:
             volume=0.0,
             heat_rate=math.nan,
         )
-        for number, (label, structure) in enumerate(
-            zip(labels, receipt.structures, strict=True)
+        for label, structure in zip(
+            labels[:surfaces], receipt.structures[:surfaces], strict=True
         )
-        if number not in airs
     ]
     rates = _rates_at_start(plan.compiled)
     for part, rate in zip(receipt.parts, rates, strict=True):
@@ -148,12 +144,12 @@ def log_result(
         f"energy residual {residual:.1e}",
     )
     final = np.asarray(solution.mean_temperature)[-1] - ZERO_CELSIUS
+    labels = body_labels(scene)
     airs = [
-        f"the air of body {around} is at {final[number]:.1f} degC"
-        for number, around in bodies_around_air(scene).items()
+        f"the {labels[number]} is at {final[number]:.1f} degC"
+        for number in bodies_around_air(scene)
     ]
-    names = solution.receipt.body_names
-    for line in grouped_lines(with_names(air, names) for air in airs):
+    for line in grouped_lines(airs):
         print_line(console, line)
     if solution.run.time_error is not None:
         # The last remark of the receipt is known after the run only.

@@ -16,9 +16,9 @@ from ..integrate.ledger import Energy, pair_name
 from ..integrate.run.solution import RESULTS, Solution
 from ..provenance import provenance
 from ..report.columns import write_columns
-from ..scene.air import bodies_around_air, bodies_with_surface, body_name
+from ..scene.air import bodies_around_air, bodies_with_surface
 from ..scene.body_mass import body_mass
-from ..scene.compile.body_names import with_names
+from ..scene.compile.body_names import body_labels
 from ..scene.scene import Scene
 from ..structures.report import StructureReport
 
@@ -239,11 +239,9 @@ def write_energy(path: Path, scene: Scene, solution: Solution) -> None:
     The first columns are of all bodies together, the following ones of each body.
     """
     columns = _ledger(solution.energy)
-    airs = bodies_around_air(scene)
     if len(solution.energy.bodies) > 1:
-        names = solution.receipt.body_names
-        for index, body in enumerate(solution.energy.bodies):
-            label = with_names(body_name(index, airs), names)
+        labels = body_labels(scene)
+        for label, body in zip(labels, solution.energy.bodies, strict=True):
             for name, column in _ledger(body).items():
                 columns[f"{label}: {name}"] = column
     write_columns(path, np.asarray(solution.times, float).tolist(), columns)

@@ -21,11 +21,6 @@ def bodies_around_air(scene: Scene) -> dict[int, int]:
     }
 
 
-def body_name(number: int, airs: dict[int, int]) -> str:
-    """Name of a body in tables, by `bodies_around_air`."""
-    return f"air of body {airs[number]}" if number in airs else f"body {number}"
-
-
 def check_airs(scene: Scene) -> None:
     """Raise if bodies and terms of air do not belong together one by one."""
     count = len(bodies_with_surface(scene))

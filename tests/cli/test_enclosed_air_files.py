@@ -44,7 +44,7 @@ def test_air_is_in_all_results(tmp_path, out):
     (air,) = summary["airs"]
     assert (air["inside_body"], air["number"]) == (1, 2)
     assert air["volume_m3"] == pytest.approx(0.096, rel=1e-9)
-    assert summary["receipt"]["structures"][-1] == "air of body 1, 1 node"
+    assert summary["receipt"]["structures"][-1] == "AirVolume, 1 node"
     with np.load(out / "solution.npz") as stored:
         means = stored["mean_temperature"]
         kept = stored["probe_temperature"]

@@ -21,9 +21,8 @@ from ...errors import InputError
 from ..boundary import toward
 from ..flux_law import AbstractFluxLaw, Forcing, PerCell, PerCellOrOne
 from ..surface import Binding, Omitted, Surface
-from ..term import AbstractSurfaceTerm, OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at
-from .interior_air import inner_covers
+from .interior_air import AbstractInteriorAir, inner_covers
 
 
 class AirLaw(AbstractFluxLaw):
@@ -91,7 +90,7 @@ class AirExchange(Module):
         return heat - rates[np.array(self.walls, int)].sum()
 
 
-class EnclosedAir(AbstractSurfaceTerm):
+class EnclosedAir(AbstractInteriorAir):
     """Air of a volume and a temperature of its own in the cavities of a body.
 
     C dT_air/dt = sum_s h A_s (T_s - T_air) + n C (T_out - T_air)
@@ -108,9 +107,6 @@ class EnclosedAir(AbstractSurfaceTerm):
         >>> inside = jt.EnclosedAir(5.0, body=0, air=1)
         >>> scene = jt.Scene((van, air), (inside,))
     """
-
-    name = "interior_air"
-    is_convective = True
 
     heat_transfer_coefficient: TimeVarying
     """h [W/(m^2 K)], a number or a function of time."""
@@ -151,18 +147,8 @@ class EnclosedAir(AbstractSurfaceTerm):
         return surface.bind(law, covers)
 
     @override
-    def acting_fraction(self, body: Any) -> float:
-        del body
-        return 1.0
-
-    @override
     def forcing(self, end: float | int) -> Forcing:
         return Forcing() if self.temperature is None else toward(self.temperature, end)
-
-    @override
-    def scale(self, point: OperatingPoint) -> Scale:
-        h = float(largest(self.heat_transfer_coefficient, point.end))
-        return Scale(heat_transfer_coefficient=h)
 
     def exchanged(self, entry: int, walls: tuple[int, ...], dtype: Any) -> AirExchange:
         """The heat of its air, by entries of the energy ledger."""

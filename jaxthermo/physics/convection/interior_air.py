@@ -1,7 +1,7 @@
 """Still air inside a closed body."""
 
 import numpy as np
-from equinox import field
+from equinox import AbstractVar, field
 from jaxtyping import Bool
 from typing_extensions import override
 
@@ -14,7 +14,27 @@ from ..term import AbstractSurfaceTerm, OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 
 
-class InteriorAir(AbstractSurfaceTerm):
+class AbstractInteriorAir(AbstractSurfaceTerm):
+    """Air in the closed cavities of a body, q = h (T_air - T_s) on what faces it."""
+
+    name = "interior_air"
+    is_convective = True
+
+    heat_transfer_coefficient: AbstractVar[TimeVarying]
+    """h [W/(m^2 K)], a number or a function of time."""
+
+    @override
+    def acting_fraction(self, body: BodySurface) -> float:
+        del body
+        return 1.0
+
+    @override
+    def scale(self, point: OperatingPoint) -> Scale:
+        h = float(largest(self.heat_transfer_coefficient, point.end))
+        return Scale(heat_transfer_coefficient=h)
+
+
+class InteriorAir(AbstractInteriorAir):
     """Air in the closed cavities of a body, q = h (T_air - T_s).
 
     It acts on all that faces these cavities: the inner face of a closed sheet, the
@@ -31,9 +51,6 @@ class InteriorAir(AbstractSurfaceTerm):
         >>> [(part.mechanism, round(part.area, 6)) for part in receipt.parts]
         [('convection', 2.5), ('interior_air', 2.5)]
     """
-
-    name = "interior_air"
-    is_convective = True
 
     heat_transfer_coefficient: TimeVarying
     """h [W/(m^2 K)], a number or a function of time."""
@@ -64,18 +81,8 @@ class InteriorAir(AbstractSurfaceTerm):
         return surface.bind(law, covers)
 
     @override
-    def acting_fraction(self, body: BodySurface) -> float:
-        del body
-        return 1.0
-
-    @override
     def forcing(self, end: float | int) -> Forcing:
         return toward(self.temperature, end)
-
-    @override
-    def scale(self, point: OperatingPoint) -> Scale:
-        h = float(largest(self.heat_transfer_coefficient, point.end))
-        return Scale(heat_transfer_coefficient=h)
 
 
 def inner_covers(surface: Surface, around: int, term: str) -> list[Cover | Omitted]:

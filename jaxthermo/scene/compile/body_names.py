@@ -7,6 +7,7 @@ from functools import wraps
 from typing import ParamSpec, TypeVar
 
 from ...errors import InputError
+from ..air import bodies_around_air
 from ..scene import Scene
 from .program import Receipt
 
@@ -30,7 +31,14 @@ def body_label(number: int, name: str) -> str:
     return f"body {number} ({name})" if name else f"body {number}"
 
 
-def with_names(line: str, names: Sequence[str]) -> str:
+def body_labels(scene: Scene) -> list[str]:
+    """All bodies of a scene as lines name them: "body 3 (roof)", "air of body 3"."""
+    labels = [body_label(n, body.name) for n, body in enumerate(scene.bodies)]
+    airs = {air: f"air of {labels[n]}" for air, n in bodies_around_air(scene).items()}
+    return [airs.get(number, label) for number, label in enumerate(labels)]
+
+
+def _with_names(line: str, names: Sequence[str]) -> str:
     """A line with the names of the bodies behind the numbers that it has of them."""
 
     def named(mention: re.Match[str]) -> str:
@@ -48,13 +56,13 @@ def named_receipt(receipt: Receipt, scene: Scene) -> Receipt:
     names = tuple(body.name for body in scene.bodies)
 
     def named(lines: Iterable[str]) -> tuple[str, ...]:
-        return tuple(with_names(line, names) for line in lines)
+        return tuple(_with_names(line, names) for line in lines)
 
     return replace(
         receipt,
         body_names=names,
         left_out=tuple(
-            replace(omission, what=with_names(omission.what, names))
+            replace(omission, what=_with_names(omission.what, names))
             for omission in receipt.left_out
         ),
         notes=named(receipt.notes),
@@ -74,7 +82,7 @@ def naming_bodies(
         except InputError as error:
             scene = args[0] if args else kwargs["scene"]
             assert isinstance(scene, Scene)
-            line = with_names(str(error), [body.name for body in scene.bodies])
+            line = _with_names(str(error), [body.name for body in scene.bodies])
             raise InputError(line) from error
 
     return with_named_errors

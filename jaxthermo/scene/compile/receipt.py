@@ -15,7 +15,7 @@ from ...sheets.sheet_grid import SheetGrid
 from ...structures.kinds.sheet import Sheet
 from ...structures.kinds.shell import SingleShell
 from ...structures.structure import AbstractStructure
-from ..air import bodies_around_air, bodies_with_surface, body_name
+from ..air import bodies_around_air, bodies_with_surface
 from ..body_mass import body_mass
 from ..motion import Motion
 from ..scene import AbstractMaterials, Body, Scene, mechanism_names
@@ -59,7 +59,6 @@ def receipt_of(
     """
     first = snapshots[0]
     structures = [body.structure for body in scene.bodies]
-    around = bodies_around_air(scene)
     moves = len(starts) > 1
     return Receipt(
         included=("conduction", *dict.fromkeys(ledger.values())),
@@ -79,12 +78,7 @@ def receipt_of(
             *_counted(first, off=True),
             *_thin_warnings(first),
         ),
-        structures=tuple(
-            f"{body_name(number, around)}, 1 node"
-            if number in around
-            else _described(structure)
-            for number, structure in enumerate(structures)
-        ),
+        structures=tuple(_described(structure) for structure in structures),
         nodes=sum(structure.node_count for structure in structures),
         links=sum(structure.link_count for structure in structures),
         fragments=sum(first.surface.counts),

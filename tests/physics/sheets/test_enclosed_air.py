@@ -397,7 +397,7 @@ def test_the_receipt_and_the_ledger_have_the_air():
     receipt = solution.receipt
     parts = [(part.mechanism, part.bodies) for part in receipt.parts]
     assert ("interior_air", (0,)) in parts and ("interior_air", (1,)) in parts
-    assert "air of body 0, 1 node" in receipt.structures
+    assert "AirVolume, 1 node" in receipt.structures
     assert not any("body" in omission.what for omission in receipt.left_out)
 
 
