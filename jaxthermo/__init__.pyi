@@ -104,6 +104,7 @@ from .physics.contact.links import Contact as Contact, bonded as bonded
 from .physics.convection.enclosed_air import EnclosedAir as EnclosedAir
 from .physics.convection.free_convection import FreeConvection as FreeConvection
 from .physics.convection.interior_air import InteriorAir as InteriorAir
+from .physics.convection.linear_wind import LinearWind as LinearWind
 from .physics.convection.wake import (
     FittedWake as FittedWake,
     WakeDeficit as WakeDeficit,

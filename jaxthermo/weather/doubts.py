@@ -114,11 +114,10 @@ def sky_doubts(
             f"{weather.source}: has no infrared radiation of the sky: its temperature "
             "follows from the dew point and the cloud cover (Walton 1983)"
         ]
-    if sky == "berdahl_martin" and not is_chosen:
+    if sky in ("berdahl_martin", "swinbank") and not is_chosen:
         return [
             f"{weather.source}: has neither infrared radiation of the sky nor its "
-            "cloud cover: the sky is taken as cloudless; give `sky: berdahl_martin` if "
-            "it is"
+            f"cloud cover: the sky is taken as cloudless; give `sky: {sky}` if it is"
         ]
     if sky != "infrared":
         return []

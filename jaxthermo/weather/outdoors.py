@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..geometry.vectors import unit_vector
-from ..physics.boundary import Convection
+from ..physics.convection.linear_wind import LinearWind
 from ..physics.convection.wind import Wind
 from ..physics.radiation.diffuse_sky import DiffuseSky
 from ..physics.radiation.emission import Surroundings
@@ -36,7 +36,7 @@ from .sky import (
     cloudy_sky_temperature,
     sky_temperature,
     sol_air_temperature,
-    wind_coefficient,
+    swinbank_sky_temperature,
 )
 from .sun_position import Place, instant, rays, sun_position
 from .weather import Weather
@@ -44,6 +44,14 @@ from .weather import Weather
 
 _OutdoorTerm = Literal["sun", "diffuse", "sky", "wind", "convection"]
 ALL_TERMS = ("sun", "diffuse", "sky", "wind")
+
+# Columns that the temperature of the sky follows from, with that of the air.
+_SKY_COLUMNS: dict[SkyModel, tuple[str, ...]] = {
+    "infrared": ("infrared",),
+    "cloud_cover": ("dew_point", "cloud_cover"),
+    "berdahl_martin": ("dew_point",),
+    "swinbank": (),
+}
 
 # Interval at which sunrise and sunset are searched [s].
 _SEARCH = 300.0
@@ -76,10 +84,10 @@ def outdoors(
         weather: a file (EPW or CSV), or a cloudless sky.
         terms: which of `sun` (direct), `diffuse` (`DiffuseSky`), `sky` (`Surroundings`
             with sky and ground), and `wind` (of the mean direction, weighted by the
-            speed) or `convection` (h = 5.7 + 3.8 v, McAdams).
+            speed) or `convection` (`LinearWind`, 2.8 + 3.0 v).
         sky: temperature by the file's `infrared` radiation, by the dew point and the
-            `cloud_cover`, or by the dew point for a cloudless sky (`berdahl_martin`);
-            None for the first that the weather has.
+            `cloud_cover`, or for a cloudless sky by the dew point (`berdahl_martin`) or
+            the air alone (`swinbank`); None for the first that the weather has.
         ground: temperature of the ground [K], `air` for that of the air (as over
             grass), or `sol_air` for dry ground that stores no heat.
         albedo: fraction of sunlight that the ground reflects [-].
@@ -168,6 +176,8 @@ def _sky_model(weather: Weather) -> SkyModel:
     """The model of the sky that needs the most of what the weather has."""
     if weather.has("infrared"):
         return "infrared"
+    if not weather.has("dew_point"):
+        return "swinbank"
     return "cloud_cover" if weather.has("cloud_cover") else "berdahl_martin"
 
 
@@ -250,15 +260,15 @@ class _Outdoors:
 
     def surroundings(self) -> Surroundings:
         """Sky and ground by their temperatures."""
-        names = ["air", "infrared" if self.sky == "infrared" else "dew_point"]
-        if self.sky == "cloud_cover":
-            names.append("cloud_cover")
+        names = ["air", *_SKY_COLUMNS[self.sky]]
         if self.ground == "sol_air":
             names += ["direct_normal", "diffuse", "wind_speed"]
         times = self._times(names)
         air = self._at("air", times)
         if self.sky == "infrared":
             sky = sky_temperature(self._at("infrared", times))
+        elif self.sky == "swinbank":
+            sky = swinbank_sky_temperature(air)
         else:
             hour = times / 3600 + self.place.longitude / 15
             sky = clear_sky_temperature(air, self._at("dew_point", times), hour)
@@ -301,12 +311,11 @@ class _Outdoors:
             speed=self._table(times, speed),
         )
 
-    def convection(self) -> Convection:
-        """Convection with the coefficient of the wind along a plate."""
+    def convection(self) -> LinearWind:
+        """Wind over flat surfaces, without a direction."""
         times = self._times(["air", "wind_speed"])
-        coefficient = wind_coefficient(self._at("wind_speed", times))
-        return Convection(
-            heat_transfer_coefficient=self._table(times, coefficient),
+        return LinearWind(
+            speed=self._table(times, self._at("wind_speed", times)),
             temperature=self._table(times, self._at("air", times)),
         )
 

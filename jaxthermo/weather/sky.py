@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ..constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
+from ..physics.convection.linear_wind import wind_coefficient
 
 
-SkyModel = Literal["infrared", "cloud_cover", "berdahl_martin"]
+SkyModel = Literal["infrared", "cloud_cover", "berdahl_martin", "swinbank"]
 GroundModel = Literal["air", "sol_air"]
 _Series = Float[np.ndarray, " t"]
 
@@ -18,6 +19,15 @@ _GROUND_EMISSIVITY = 0.95
 def sky_temperature(infrared: _Series) -> _Series:
     """Temperature of a black sky (E / sigma)^(1/4) [K] with an irradiance [W/m^2]."""
     return (infrared / STEFAN_BOLTZMANN) ** 0.25
+
+
+def swinbank_sky_temperature(air: _Series) -> _Series:
+    """Temperature of a cloudless sky 0.0552 T_air^1.5 [K], where no humidity is known.
+
+    Source: Swinbank, Quarterly Journal of the Royal Meteorological Society 89 (1963)
+    339, in the form of Duffie and Beckman.
+    """
+    return 0.0552 * air**1.5
 
 
 def clear_sky_temperature(
@@ -57,14 +67,6 @@ def cloudy_sky_temperature(clear_sky: _Series, air: _Series, cover: _Series) -> 
     tenths = 10 * cover
     clouds = 1 + 0.0224 * tenths - 0.0035 * tenths**2 + 0.00028 * tenths**3
     return np.minimum(clouds**0.25 * clear_sky, np.maximum(air, clear_sky))
-
-
-def wind_coefficient(speed: _Series) -> _Series:
-    """Heat transfer coefficient 5.7 + 3.8 v of a wind [m/s] along a plate [W/(m^2 K)].
-
-    Source: McAdams, Heat Transmission, 3rd ed. (1954), for up to 5 m/s.
-    """
-    return 5.7 + 3.8 * speed
 
 
 def sol_air_temperature(

@@ -62,6 +62,7 @@ behind = jt.Wind((3.0, 0.0, 0.0), 290.0, wake=jt.FittedWake())
 air = (
     jt.Convection(10.0, 290.0),
     jt.FreeConvection(290.0),
+    jt.LinearWind(2.0, 290.0, calm=2.8, by_speed=3.0),
     jt.RadiativeExchange(280.0),
 )
 inside = jt.InteriorAir(5.0, 295.0, body=0)

@@ -83,9 +83,9 @@ class OutdoorsConfig(Model, builds="outdoors"):
     terms: Annotated[
         tuple[Literal["sun", "diffuse", "sky", "wind", "convection"], ...], si.NotEmpty
     ] = ALL_TERMS
-    sky: Literal["infrared", "cloud_cover", "berdahl_martin"] | None = None
-    """Sky temperature by the file's radiation, by the dew point and the clouds, or by
-    the dew point alone; by default the first that the weather has."""
+    sky: Literal["infrared", "cloud_cover", "berdahl_martin", "swinbank"] | None = None
+    """Sky temperature by the file's radiation, by the dew point and the clouds, by the
+    dew point or by the air alone; by default the first that the weather has."""
     ground: Literal["air", "sol_air"] = "air"
     """Ground as warm as the air, or dry ground in balance with the sun."""
     albedo: si.Fraction = 0.2
@@ -107,7 +107,7 @@ class OutdoorsConfig(Model, builds="outdoors"):
             mistakes.append((("terms",), "give one of wind and convection"))
         if len({*self.terms}) < len(self.terms):
             mistakes.append((("terms",), "give each once"))
-        if self.clear_sky is not None and self.sky not in (None, "berdahl_martin"):
+        if self.clear_sky is not None and self.sky in ("infrared", "cloud_cover"):
             message = f"a clear_sky has no {self.sky}: give berdahl_martin"
             mistakes.append((("sky",), message))
         if self.clear_sky is not None and self.place is None:

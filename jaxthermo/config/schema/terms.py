@@ -179,6 +179,16 @@ class _WindConfig(Model, builds="Wind", kind="wind"):
         return [(("velocity",), "must not be [0, 0, 0]: it has to point somewhere")]
 
 
+class _LinearWindConfig(Model, builds="LinearWind", kind="linear_wind"):
+    """Wind over flat surfaces, with a coefficient that is linear in its speed."""
+
+    speed: Varying[si.Speed]
+    temperature: Varying[si.Temperature]
+    calm: si.HeatTransferCoefficient = 2.8
+    by_speed: si.CoefficientBySpeed = 3.0
+    on: WhereConfig | None = None
+
+
 class _FreeConvectionConfig(Model, builds="FreeConvection", kind="free_convection"):
     """Natural convection in still air."""
 
@@ -253,6 +263,7 @@ TermConfig = Annotated[
     | _RadiativeExchangeConfig
     | _ConvectionConfig
     | _WindConfig
+    | _LinearWindConfig
     | _FreeConvectionConfig
     | _HeatFluxConfig
     | _FixedTemperatureConfig

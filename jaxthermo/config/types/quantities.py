@@ -272,6 +272,11 @@ Irradiance = Annotated[float, Unit("W/m^2", "an irradiance", "800 W/m^2"), Field
 HeatFlux = Annotated[float, HEAT_FLUX]
 HeatTransferCoefficient = Annotated[float, HEAT_TRANSFER_COEFFICIENT, Field(ge=0)]
 ContactConductance = Annotated[float, _CONTACT_CONDUCTANCE, Field(ge=0)]
+CoefficientBySpeed = Annotated[
+    float,
+    Unit("J/(m^3 K)", "a coefficient by speed", "3 J/(m^3 K)"),
+    Field(ge=0),
+]
 HeatRate = Annotated[float, Unit("W", "a heat rate", "60 W")]
 HeatRateDensity = Annotated[float, Unit("W/m^3", "a heat rate density", "5 kW/m^3")]
 RadiantIntensity = Annotated[

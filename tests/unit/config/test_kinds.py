@@ -83,6 +83,7 @@ GIVEN: dict[str, dict[str, Any]] = {
     "SurroundingsConfig": {"temperature": 300},
     "RadiativeExchangeConfig": {"temperature": 300},
     "ConvectionConfig": {"heat_transfer_coefficient": 1, "temperature": 300},
+    "LinearWindConfig": {"speed": 1, "temperature": 300},
     "CylinderConfig": {"axis_point": [0, 0, 0], "axis": [0, 0, 1], "diameter": 1},
     "WakeDeficitConfig": {},
     "FreeConvectionConfig": {"temperature": 300},

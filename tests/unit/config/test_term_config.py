@@ -98,6 +98,8 @@ TERMS = {
     "{side: {normal: [1, 0, 0]}}]}}}": jt.Sun(
         (0.0, 0.0, -1.0), 9.0, on=~(jt.Everything(1) | jt.Side((1.0, 0.0, 0.0)))
     ),
+    "{kind: linear_wind, speed: 36 km/h, temperature: 290, calm: 4, by_speed: 2 "
+    "J/(m^3 K)}": jt.LinearWind(10.0, 290.0, calm=4.0, by_speed=2.0),
     "{kind: free_convection, temperature: 290}": jt.FreeConvection(290.0),
     "{kind: free_convection, temperature: 290, on: {all: [{side: {normal: [1, 0, 0]}}, "
     "{region: {lower: [0, 0, 0], upper: [1, 1, 1]}}]}}": jt.FreeConvection(

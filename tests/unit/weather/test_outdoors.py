@@ -164,9 +164,8 @@ def test_csv(tmp_path):
     assert_allclose(column.times - START.timestamp(), np.arange(24) * 3600)
     with pytest.warns(UserWarning, match="taken as cloudless"):
         terms = made(path, duration=23 * 3600.0, terms=("sky", "convection"))
-    assert_allclose(
-        np.asarray(terms["convection"].heat_transfer_coefficient.values), 5.7 + 7.6
-    )
+    convection = terms["linear_wind"].convection
+    assert_allclose(np.asarray(convection.heat_transfer_coefficient.values), 2.8 + 6.0)
     with pytest.raises(InputError, match="there is no infrared"):
         made(path, duration=3600.0, sky="infrared")
 
@@ -191,6 +190,20 @@ def test_mistakes_in_csv(tmp_path, text, message):
         read_weather(path, START)
 
 
+def test_the_sky_follows_from_the_air_where_there_is_no_humidity(tmp_path):
+    """Swinbank: 0.0552 T^1.5, 242.9 K at 268.6 K; written as 5.31e-13 T^6 in 1963."""
+    path = tmp_path / "dry.csv"
+    head = CSV_HEAD.replace("dew_point_degC,", "")
+    rows = [f"2026-06-21T{h:02d}:00+02:00,20,500,100,2,90\n" for h in range(3)]
+    path.write_text(head + "".join(rows))
+    with pytest.warns(UserWarning, match="cloudless; give `sky: swinbank`"):
+        sky = made(path, duration=3600.0, terms=("sky",))["emission"]
+    air = 293.15
+    assert_allclose(np.asarray(sky.temperature.values), 0.0552 * air**1.5)
+    by_radiation = (5.31e-13 * air**6 / STEFAN_BOLTZMANN) ** 0.25
+    assert_allclose(np.asarray(sky.temperature.values), by_radiation, atol=1.0)
+
+
 def test_sky_and_ground():
     """Berdahl and Martin at a dew point of 10 degC at noon: eps = 0.7613."""
     air = np.array([300.0])
@@ -200,7 +213,7 @@ def test_sky_and_ground():
     assert_allclose(sky, 300 * eps**0.25, rtol=1e-12)
     ground = sol_air_temperature(air, sky, np.array([1.0]), np.array([600.0]))
     emitted = 0.95 * STEFAN_BOLTZMANN * (ground**4 - sky**4)
-    assert_allclose(emitted + 9.5 * (ground - air), 600.0, rtol=1e-9)
+    assert_allclose(emitted + 5.8 * (ground - air), 600.0, rtol=1e-9)
 
 
 def test_daylight_of_a_level_plate_and_of_the_ground():

@@ -1,0 +1,1 @@
+"""Measured temperatures, compared with runs whose laws were written down before."""
