@@ -1,0 +1,129 @@
+"""The long wave of the sky, measured on the horizontal, and laws from the literature.
+
+Clouds are known by the diffuse share of the daylight alone: the cover follows from the
+sums of a day's diffuse and global irradiance, D / G = 0.3 + 0.7 N^2 (Kasten and Czeplak,
+Solar Energy 24, 1980, 177), for the day and the night that follows it.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxthermo.constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
+from jaxthermo.weather.sky import (
+    clear_sky_temperature,
+    cloudy_sky_temperature,
+    swinbank_sky_temperature,
+)
+
+from .data import Columns, kelvin
+
+
+_DAY = 144
+"""Rows of a day."""
+
+_Series = Float[np.ndarray, " t"]
+
+
+def vapour_pressure(columns: Columns) -> _Series:
+    """Pressure of the water vapour [hPa] (Magnus, with the numbers of Sonntag 1990)."""
+    air = columns["air_degC"]
+    saturated = 6.112 * np.exp(17.62 * air / (243.12 + air))
+    return np.maximum(columns["relative_humidity_percent"], 1.0) / 100 * saturated
+
+
+def dew_point(columns: Columns) -> _Series:
+    """Dew point [K]."""
+    logarithm = np.log(vapour_pressure(columns) / 6.112)
+    return 243.12 * logarithm / (17.62 - logarithm) + ZERO_CELSIUS
+
+
+def cover_of_days(columns: Columns) -> _Series:
+    """Cover of the sky by clouds, one value for each day [-]."""
+    day = np.arange(len(columns["air_degC"])) // _DAY
+    diffuse = np.bincount(day, columns["diffuse_horizontal_W_m2"])
+    whole = np.bincount(day, columns["global_horizontal_W_m2"])
+    share = np.clip(diffuse / np.maximum(whole, 1e-9), 0.3, 1.0)
+    return np.sqrt((share - 0.3) / 0.7)[day]
+
+
+def _brutsaert(columns: Columns) -> _Series:
+    air = kelvin(columns["air_degC"])
+    return 1.24 * (vapour_pressure(columns) / air) ** (1 / 7)
+
+
+def _prata(columns: Columns) -> _Series:
+    water = 46.5 * vapour_pressure(columns) / kelvin(columns["air_degC"])
+    return 1 - (1 + water) * np.exp(-np.sqrt(1.2 + 3.0 * water))
+
+
+def _emissivity(sky: _Series, columns: Columns) -> _Series:
+    return (sky / kelvin(columns["air_degC"])) ** 4
+
+
+def _berdahl_martin(columns: Columns) -> _Series:
+    hour = columns["time_s"] / 3600 % 24
+    air = kelvin(columns["air_degC"])
+    return _emissivity(clear_sky_temperature(air, dew_point(columns), hour), columns)
+
+
+def _swinbank(columns: Columns) -> _Series:
+    return _emissivity(swinbank_sky_temperature(kelvin(columns["air_degC"])), columns)
+
+
+def _walton(clear: _Series, cover: _Series) -> _Series:
+    one = np.ones_like(clear)
+    return cloudy_sky_temperature(clear**0.25, one, cover) ** 4
+
+
+def _unsworth_monteith(clear: _Series, cover: _Series) -> _Series:
+    return (1 - 0.84 * cover) * clear + 0.84 * cover
+
+
+def _black_clouds(clear: _Series, cover: _Series) -> _Series:
+    return clear + (1 - clear) * cover
+
+
+def _kimball(clear: _Series, cover: _Series) -> _Series:
+    return clear * (1 + 0.22 * cover**2.75)
+
+
+def _without_clouds(clear: _Series, cover: _Series) -> _Series:
+    del cover
+    return clear
+
+
+CLEAR: dict[str, Callable[[Columns], _Series]] = {
+    "Swinbank 1963": _swinbank,
+    "Brutsaert 1975": _brutsaert,
+    "Berdahl and Martin 1984": _berdahl_martin,
+    "Prata 1996": _prata,
+}
+"""Emissivity of a cloudless sky [-]."""
+
+CLOUDS: dict[str, Callable[[_Series, _Series], _Series]] = {
+    "none": _without_clouds,
+    "Unsworth and Monteith 1975": _unsworth_monteith,
+    "Sugita and Brutsaert 1993": _kimball,
+    "Walton 1983": _walton,
+    "Crawford and Duchon 1999": _black_clouds,
+}
+"""Emissivity of a sky with clouds, from that of a cloudless one and the cover [-]."""
+
+
+def errors(columns: Columns) -> dict[tuple[str, str], _Series]:
+    """Computed less measured long wave of each pair of laws [W/m^2]."""
+    cover = cover_of_days(columns)
+    black = STEFAN_BOLTZMANN * kelvin(columns["air_degC"]) ** 4
+    measured = columns["longwave_horizontal_W_m2"]
+    return {
+        (clear, clouds): with_clouds(emissivity(columns), cover) * black - measured
+        for clear, emissivity in CLEAR.items()
+        for clouds, with_clouds in CLOUDS.items()
+    }
+
+
+def is_chosen_by(columns: Columns) -> np.ndarray:
+    """True in the days by which the law is chosen, every second one."""
+    return np.arange(len(columns["air_degC"])) // _DAY % 2 == 0
