@@ -94,6 +94,9 @@ _ABOUT = {
     "verification.verify": (
         "published cases and closed forms: expected, computed, tolerance, order"
     ),
+    "measured.run": (
+        "measured temperatures outdoors, compared with runs with and without a fit"
+    ),
     "stiff.run": "stiff and extreme cases S01 to S22 through every solver",
     "random_scenes.run": (
         "energy, bounds and stated error in time of 300 scenes drawn at random"
@@ -103,6 +106,7 @@ _ABOUT = {
 # The modules that measure several things, and have the name of what they measure.
 _NAMES = {
     "verification.verify": "verification",
+    "measured.run": "measured",
     "stiff.run": "stiff",
     "random_scenes.run": "random-scenes",
     "plans.run": "plans",
@@ -137,7 +141,8 @@ _OPTIONS = {
     **dict.fromkeys(("stencil", "voxelize", "lattice-boltzmann"), ()),
     "mixed": ("config", "height"),
     **dict.fromkeys(
-        ("verification", "stiff", "random-scenes", "plans", "thesis"), ("cases",)
+        ("verification", "measured", "stiff", "random-scenes", "plans", "thesis"),
+        ("cases",),
     ),
     **dict.fromkeys(("budget", "front", "reduction"), ("config",)),
 }

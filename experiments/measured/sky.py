@@ -1,8 +1,8 @@
 """The long wave of the sky, measured on the horizontal, and laws from the literature.
 
-Clouds are known by the diffuse share of the daylight alone: the cover follows from the
-sums of a day's diffuse and global irradiance, D / G = 0.3 + 0.7 N^2 (Kasten and Czeplak,
-Solar Energy 24, 1980, 177), for the day and the night that follows it.
+Clouds are known by the diffuse share of the daylight alone: the cover N follows from
+the sums of diffuse and global irradiance in a window of some hours, D / G = 0.3 +
+0.7 N^2 (Kasten and Czeplak, Solar Energy 24, 1980, 177).
 """
 
 from collections.abc import Callable
@@ -14,14 +14,20 @@ from jaxthermo.constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
 from jaxthermo.weather.sky import (
     clear_sky_temperature,
     cloudy_sky_temperature,
+    diffuse_cloud_cover,
+    overcast_sky_temperature,
     swinbank_sky_temperature,
 )
 
 from .data import Columns, kelvin
 
 
-_DAY = 144
+_ROWS_AN_HOUR = 6
+_DAY = 24 * _ROWS_AN_HOUR
 """Rows of a day."""
+
+WINDOWS = (1.0, 3.0, 6.0, 12.0, 24.0)
+"""Windows of light that are compared [h]."""
 
 _Series = Float[np.ndarray, " t"]
 
@@ -39,13 +45,16 @@ def dew_point(columns: Columns) -> _Series:
     return 243.12 * logarithm / (17.62 - logarithm) + ZERO_CELSIUS
 
 
-def cover_of_days(columns: Columns) -> _Series:
-    """Cover of the sky by clouds, one value for each day [-]."""
-    day = np.arange(len(columns["air_degC"])) // _DAY
-    diffuse = np.bincount(day, columns["diffuse_horizontal_W_m2"])
-    whole = np.bincount(day, columns["global_horizontal_W_m2"])
-    share = np.clip(diffuse / np.maximum(whole, 1e-9), 0.3, 1.0)
-    return np.sqrt((share - 0.3) / 0.7)[day]
+def cover(columns: Columns, window: float) -> _Series:
+    """Cover of the sky by clouds [-], from the light within half a window [h] around.
+
+    At night it is interpolated between the evening and the morning.
+    """
+    half = max(round(window / 2 * _ROWS_AN_HOUR), 1)
+    ones = np.ones(2 * half + 1)
+    diffuse = np.convolve(columns["diffuse_horizontal_W_m2"], ones, mode="same")
+    whole = np.convolve(columns["global_horizontal_W_m2"], ones, mode="same")
+    return diffuse_cloud_cover(diffuse / len(ones), whole / len(ones))
 
 
 def _brutsaert(columns: Columns) -> _Series:
@@ -85,8 +94,9 @@ def _black_clouds(clear: _Series, cover: _Series) -> _Series:
     return clear + (1 - clear) * cover
 
 
-def _kimball(clear: _Series, cover: _Series) -> _Series:
-    return clear * (1 + 0.22 * cover**2.75)
+def _maykut_church(clear: _Series, cover: _Series) -> _Series:
+    one = np.ones_like(clear)
+    return overcast_sky_temperature(clear**0.25, one, cover) ** 4
 
 
 def _without_clouds(clear: _Series, cover: _Series) -> _Series:
@@ -105,22 +115,24 @@ CLEAR: dict[str, Callable[[Columns], _Series]] = {
 CLOUDS: dict[str, Callable[[_Series, _Series], _Series]] = {
     "none": _without_clouds,
     "Unsworth and Monteith 1975": _unsworth_monteith,
-    "Sugita and Brutsaert 1993": _kimball,
+    "Maykut and Church 1973": _maykut_church,
     "Walton 1983": _walton,
     "Crawford and Duchon 1999": _black_clouds,
 }
 """Emissivity of a sky with clouds, from that of a cloudless one and the cover [-]."""
 
 
-def errors(columns: Columns) -> dict[tuple[str, str], _Series]:
-    """Computed less measured long wave of each pair of laws [W/m^2]."""
-    cover = cover_of_days(columns)
+def errors(columns: Columns) -> dict[tuple[str, str, float], _Series]:
+    """Computed less measured long wave [W/m^2] of pairs of laws, with each window."""
+    covers = {window: cover(columns, window) for window in WINDOWS}
     black = STEFAN_BOLTZMANN * kelvin(columns["air_degC"]) ** 4
     measured = columns["longwave_horizontal_W_m2"]
     return {
-        (clear, clouds): with_clouds(emissivity(columns), cover) * black - measured
+        (clear, clouds, window): with_clouds(emissivity(columns), covered) * black
+        - measured
         for clear, emissivity in CLEAR.items()
         for clouds, with_clouds in CLOUDS.items()
+        for window, covered in covers.items()
     }
 
 

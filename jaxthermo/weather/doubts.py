@@ -114,10 +114,16 @@ def sky_doubts(
             f"{weather.source}: has no infrared radiation of the sky: its temperature "
             "follows from the dew point and the cloud cover (Walton 1983)"
         ]
-    if sky in ("berdahl_martin", "swinbank") and not is_chosen:
+    if sky == "diffuse_share" and not is_chosen:
         return [
             f"{weather.source}: has neither infrared radiation of the sky nor its "
-            f"cloud cover: the sky is taken as cloudless; give `sky: {sky}` if it is"
+            "cloud cover: the clouds follow from the diffuse share of the daylight; "
+            "give `sky: berdahl_martin` if there are none"
+        ]
+    if sky == "swinbank" and not is_chosen:
+        return [
+            f"{weather.source}: has neither infrared radiation of the sky nor a dew "
+            "point: the sky is taken as cloudless; give `sky: swinbank` if it is"
         ]
     if sky != "infrared":
         return []

@@ -34,6 +34,8 @@ from .sky import (
     SkyModel,
     clear_sky_temperature,
     cloudy_sky_temperature,
+    diffuse_cloud_cover,
+    overcast_sky_temperature,
     sky_temperature,
     sol_air_temperature,
     swinbank_sky_temperature,
@@ -49,6 +51,7 @@ ALL_TERMS = ("sun", "diffuse", "sky", "wind")
 _SKY_COLUMNS: dict[SkyModel, tuple[str, ...]] = {
     "infrared": ("infrared",),
     "cloud_cover": ("dew_point", "cloud_cover"),
+    "diffuse_share": ("dew_point", "direct_normal", "diffuse"),
     "berdahl_martin": ("dew_point",),
     "swinbank": (),
 }
@@ -86,8 +89,9 @@ def outdoors(
             with sky and ground), and `wind` (of the mean direction, weighted by the
             speed) or `convection` (`LinearWind`, 2.8 + 3.0 v).
         sky: temperature by the file's `infrared` radiation, by the dew point and the
-            `cloud_cover`, or for a cloudless sky by the dew point (`berdahl_martin`) or
-            the air alone (`swinbank`); None for the first that the weather has.
+            `cloud_cover` or the `diffuse_share` of the daylight, or for a cloudless sky
+            by the dew point (`berdahl_martin`) or the air alone (`swinbank`); None for
+            the first that the weather has.
         ground: temperature of the ground [K], `air` for that of the air (as over
             grass), or `sol_air` for dry ground that stores no heat.
         albedo: fraction of sunlight that the ground reflects [-].
@@ -178,7 +182,7 @@ def _sky_model(weather: Weather) -> SkyModel:
         return "infrared"
     if not weather.has("dew_point"):
         return "swinbank"
-    return "cloud_cover" if weather.has("cloud_cover") else "berdahl_martin"
+    return "cloud_cover" if weather.has("cloud_cover") else "diffuse_share"
 
 
 @final
@@ -274,6 +278,10 @@ class _Outdoors:
             sky = clear_sky_temperature(air, self._at("dew_point", times), hour)
         if self.sky == "cloud_cover":
             sky = cloudy_sky_temperature(sky, air, self._at("cloud_cover", times))
+        if self.sky == "diffuse_share":
+            diffuse = self._at("diffuse", times)
+            cover = diffuse_cloud_cover(diffuse, self._global(times, diffuse))
+            sky = overcast_sky_temperature(sky, air, cover)
         ground = self._ground(times, air=air, sky=sky)
         if isinstance(ground, np.ndarray):
             ground = self._table(times, ground)

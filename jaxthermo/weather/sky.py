@@ -9,11 +9,15 @@ from ..constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
 from ..physics.convection.linear_wind import wind_coefficient
 
 
-SkyModel = Literal["infrared", "cloud_cover", "berdahl_martin", "swinbank"]
+SkyModel = Literal[
+    "infrared", "cloud_cover", "diffuse_share", "berdahl_martin", "swinbank"
+]
 GroundModel = Literal["air", "sol_air"]
 _Series = Float[np.ndarray, " t"]
 
 _GROUND_EMISSIVITY = 0.95
+_DAYLIGHT = 20.0
+"""Irradiance above which the diffuse share tells of clouds [W/m^2]."""
 
 
 def sky_temperature(infrared: _Series) -> _Series:
@@ -66,6 +70,40 @@ def cloudy_sky_temperature(clear_sky: _Series, air: _Series, cover: _Series) -> 
     """
     tenths = 10 * cover
     clouds = 1 + 0.0224 * tenths - 0.0035 * tenths**2 + 0.00028 * tenths**3
+    return np.minimum(clouds**0.25 * clear_sky, np.maximum(air, clear_sky))
+
+
+def diffuse_cloud_cover(diffuse: _Series, whole: _Series) -> _Series:
+    """Cover of the sky by clouds N [-] from the diffuse share of the daylight.
+
+    D / G = 0.3 + 0.7 N^2. At night, where the sky sheds less than 20 W/m^2, the cover
+    is interpolated between the evening and the morning; it is 0 without any day.
+
+    Source: Kasten and Czeplak, Solar Energy 24 (1980) 177.
+
+    Args:
+        diffuse: D, on the horizontal [W/m^2].
+        whole: G, direct and diffuse, on the horizontal [W/m^2].
+    """
+    is_day = whole > _DAYLIGHT
+    if not is_day.any():
+        return np.zeros_like(whole)
+    share = np.clip(diffuse[is_day] / whole[is_day], 0.3, 1.0)
+    rows = np.arange(len(whole))
+    return np.interp(rows, rows[is_day], np.sqrt((share - 0.3) / 0.7))
+
+
+def overcast_sky_temperature(
+    clear_sky: _Series, air: _Series, cover: _Series
+) -> _Series:
+    """Temperature of a sky with clouds [K], not above that of the air.
+
+    eps = eps_0 (1 + 0.2232 N^2.75), with the emissivity eps_0 = (T_clear / T_air)^4 of
+    the cloudless sky and the cover N [-].
+
+    Source: Maykut and Church, Journal of Applied Meteorology 12 (1973) 620.
+    """
+    clouds = 1 + 0.2232 * cover**2.75
     return np.minimum(clouds**0.25 * clear_sky, np.maximum(air, clear_sky))
 
 

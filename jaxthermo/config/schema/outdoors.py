@@ -13,6 +13,9 @@ from ..types.model import Mistake, Model
 from .terms import Directions
 
 
+SkyModel = Literal[
+    "infrared", "cloud_cover", "diffuse_share", "berdahl_martin", "swinbank"
+]
 ALL_TERMS = ("sun", "diffuse", "sky", "wind")
 
 # Latitudes are usually written in degrees: here a bare number is in degrees.
@@ -83,9 +86,10 @@ class OutdoorsConfig(Model, builds="outdoors"):
     terms: Annotated[
         tuple[Literal["sun", "diffuse", "sky", "wind", "convection"], ...], si.NotEmpty
     ] = ALL_TERMS
-    sky: Literal["infrared", "cloud_cover", "berdahl_martin", "swinbank"] | None = None
-    """Sky temperature by the file's radiation, by the dew point and the clouds, by the
-    dew point or by the air alone; by default the first that the weather has."""
+    sky: SkyModel | None = None
+    """Sky temperature by the file's radiation, by the dew point and the clouds or the
+    diffuse share of the daylight, by the dew point, or by the air alone; by default the
+    first that the weather has."""
     ground: Literal["air", "sol_air"] = "air"
     """Ground as warm as the air, or dry ground in balance with the sun."""
     albedo: si.Fraction = 0.2

@@ -12,7 +12,12 @@ import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.weather.files import read_weather
-from jaxthermo.weather.sky import clear_sky_temperature, sol_air_temperature
+from jaxthermo.weather.sky import (
+    clear_sky_temperature,
+    diffuse_cloud_cover,
+    overcast_sky_temperature,
+    sol_air_temperature,
+)
 from tests.bodies import single_body_scene
 
 
@@ -162,7 +167,7 @@ def test_csv(tmp_path):
     column = weather.columns["wind_direction"]
     assert_allclose(column.values, np.pi / 2)
     assert_allclose(column.times - START.timestamp(), np.arange(24) * 3600)
-    with pytest.warns(UserWarning, match="taken as cloudless"):
+    with pytest.warns(UserWarning, match="diffuse share of the daylight"):
         terms = made(path, duration=23 * 3600.0, terms=("sky", "convection"))
     convection = terms["linear_wind"].convection
     assert_allclose(np.asarray(convection.heat_transfer_coefficient.values), 2.8 + 6.0)
@@ -202,6 +207,24 @@ def test_the_sky_follows_from_the_air_where_there_is_no_humidity(tmp_path):
     assert_allclose(np.asarray(sky.temperature.values), 0.0552 * air**1.5)
     by_radiation = (5.31e-13 * air**6 / STEFAN_BOLTZMANN) ** 0.25
     assert_allclose(np.asarray(sky.temperature.values), by_radiation, atol=1.0)
+
+
+def test_clouds_follow_from_the_diffuse_share():
+    """No cloud at 0.3 of the daylight and less, all clouds at 1; nights between days.
+
+    An overcast sky radiates 1.2232 times as much as a clear one, and never more than
+    the air.
+    """
+    diffuse = np.array([30.0, 0.0, 100.0, 65.0, 5.0])
+    whole = np.array([200.0, 0.0, 100.0, 100.0, 10.0])
+    cover = diffuse_cloud_cover(diffuse, whole)
+    assert_allclose(cover, [0.0, 0.5, 1.0, np.sqrt(0.5), np.sqrt(0.5)])
+    assert_allclose(diffuse_cloud_cover(diffuse[:2] / 20, whole[:2] / 20), 0.0)
+    air = np.full(5, 290.0)
+    sky = overcast_sky_temperature(air * 0.75**0.25, air, cover)
+    assert_allclose(sky[0], 290 * 0.75**0.25)
+    assert_allclose((sky[2] / 290) ** 4, 0.75 * 1.2232)
+    assert_allclose(overcast_sky_temperature(air * 0.9**0.25, air, cover)[2], 290.0)
 
 
 def test_sky_and_ground():

@@ -322,7 +322,7 @@ def test_total_cover_stands_in_for_opaque_cover(tmp_path):
     assert_allclose(total.sky.temperature.values, opaque.sky.temperature.values)
     neither = rows(rows(lines, with_field(23, "99")), with_field(22, "99"))
     (warning,) = terms_of(written(tmp_path, neither)).warnings
-    assert "neither infrared radiation" in warning and "cloudless" in warning
+    assert "neither infrared radiation" in warning and "diffuse share" in warning
 
 
 CSV_COLUMNS = {
