@@ -15,8 +15,8 @@ from ..arrays import unique_rows
 from ..geometry.mesh import edges_of
 from ..geometry.vectors import row_dot, triangle_normals
 from .borders import obtuse_feet
+from .node_complex import NodeComplex
 from .partition import node_positions, with_border_nodes
-from .rings import ring_nodes
 from .strips import strips
 from .surface import Surface, proper_faces, summed_rows
 from .tufted import triangle_weights
@@ -118,9 +118,10 @@ def divided_surface(
 def _coarse_surface(surface: Surface, node: Int[np.ndarray, " v"]) -> CoarseSurface:
     position = node_positions(surface, node)
     count = len(position)
-    is_ring = ring_nodes(surface, node)
-    position[~is_ring] += _rises(surface, node, position)[~is_ring]
-    narrow = strips(surface, node)
+    nodes = NodeComplex(surface, node)
+    is_ring = nodes.closed
+    position[~is_ring] += _rises(nodes, position)[~is_ring]
+    narrow = strips(nodes)
     position[narrow.node] = narrow.borders[:, 0]
     position = np.concatenate([position, narrow.borders[:, 1]])
     second = np.full(count, -1)
@@ -149,7 +150,7 @@ def _coarse_surface(surface: Surface, node: Int[np.ndarray, " v"]) -> CoarseSurf
 
 
 def _rises(
-    surface: Surface, node: Int[np.ndarray, " v"], position: Float[np.ndarray, "n 3"]
+    nodes: NodeComplex, position: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 3"]:
     """Ways of the nodes to points whose distances are those along the surface [m].
 
@@ -159,16 +160,10 @@ def _rises(
     circle are then as long as the arcs. Around the edge of a thin body it moves by h,
     as far as the edge is deep.
     """
-    count = len(position)
-    corners = node[surface.faces].ravel()
-    vector = np.repeat(surface.area[:, None] / 3 * surface.normal, 3, axis=0)
-    total = summed_rows(corners, vector, count)
+    total = nodes.vector
     length = np.sqrt(row_dot(total, total))
-    on_plane = np.repeat(surface.vertices[surface.faces[:, 0]], 3, axis=0)
-    height = row_dot(on_plane - position[corners], vector)
-    area = np.bincount(node, surface.vertex_area, count)
-    mean_height = np.bincount(corners, height, count) / area
-    closed = length / area
+    mean_height = (nodes.volume - row_dot(position, total)) / nodes.area
+    closed = length / nodes.area
     rise = mean_height / np.where(closed > _FOLDED, closed, 1.0)
     return (
         total * np.where(closed > _FLAT, rise / np.maximum(length, 1e-300), 0)[:, None]

@@ -7,8 +7,9 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ..arrays import rank_in_group, sorted_union
+from ..arrays import rank_in_group
 from ..geometry.vectors import row_dot
+from .node_complex import NodeComplex
 from .surface import Surface, summed_rows
 
 
@@ -43,11 +44,13 @@ class _Sides(NamedTuple):
     """0 or 1."""
 
 
-def strips(surface: Surface, node: Int[np.ndarray, " v"]) -> Strips:
+def strips(nodes: NodeComplex) -> Strips:
     """Nodes with two borders: within a strip, and at the end of one."""
+    surface = nodes.surface
+    node = nodes.node
     arcs = _border_arcs(surface, node)
     middles = _middles(surface, node, arcs)
-    ends = _ends(surface, node, arcs)
+    ends = _ends(nodes, arcs)
     anchors = np.concatenate([middles.anchors, ends.anchors])
     is_second = np.zeros(len(node), bool)
     if len(anchors):
@@ -60,17 +63,6 @@ def strips(surface: Surface, node: Int[np.ndarray, " v"]) -> Strips:
         borders=np.concatenate([middles.borders, ends.borders]),
         is_second=is_second,
     )
-
-
-def neighbour_counts(
-    surface: Surface, node: Int[np.ndarray, " v"]
-) -> Int[np.ndarray, " n"]:
-    """Number of nodes that each node is joined to along the surface."""
-    count = int(node.max()) + 1
-    start, end = node[surface.neighbours].T
-    key = sorted_union(start * count + end)
-    source = key // count
-    return np.bincount(source[source != key % count], minlength=count)
 
 
 def _border_arcs(surface: Surface, node: Int[np.ndarray, " v"]) -> _Arcs:
@@ -138,15 +130,16 @@ def _middles(surface: Surface, node: Int[np.ndarray, " v"], arcs: _Arcs) -> _Sid
     )
 
 
-def _ends(surface: Surface, node: Int[np.ndarray, " v"], arcs: _Arcs) -> _Sides:
+def _ends(nodes: NodeComplex, arcs: _Arcs) -> _Sides:
     """Nodes with a single arc around an end: the two corners farthest apart."""
-    count = int(node.max()) + 1
+    surface = nodes.surface
+    node = nodes.node
+    count = nodes.count
     corners = arcs.vertex[surface.border_corners[arcs.vertex]]
-    degree = neighbour_counts(surface, node)
     is_end = np.bincount(node[corners], minlength=count) >= 2
     is_end &= np.bincount(arcs.node, minlength=count) == 1
     # A notch in the border of a plate has more neighbours.
-    is_end &= (degree >= 1) & (degree <= 2)
+    is_end &= (nodes.degree >= 1) & (nodes.degree <= 2)
     corners = corners[is_end[node[corners]]]
     pairs = []
     for number in np.flatnonzero(is_end):

@@ -56,10 +56,30 @@ class Surface:
         return np.stack([key // count, key % count]).T
 
     @cached_property
+    def joined_vertices(self) -> Int[np.ndarray, "e 2"]:
+        """Pairs of vertices that an edge joins, the lower one first; sorted."""
+        start, end = self.neighbours.T
+        return np.stack([start[start < end], end[start < end]]).T
+
+    @cached_property
     def vertex_area(self) -> Float[np.ndarray, " v"]:
         """A third of the area of the triangles at each vertex [m^2]."""
         corners = self.faces.ravel()
         return np.bincount(corners, np.repeat(self.area / 3, 3), len(self.vertices))
+
+    @cached_property
+    def vertex_vector(self) -> Float[np.ndarray, "v 3"]:
+        """A third of the area vectors of the triangles at each vertex [m^2]."""
+        third = self.area[:, None] / 3 * self.normal
+        corners = self.faces.ravel()
+        return summed_rows(corners, np.repeat(third, 3, axis=0), len(self.vertices))
+
+    @cached_property
+    def vertex_volume(self) -> Float[np.ndarray, " v"]:
+        """A third of area times height over the origin of the triangles there [m^3]."""
+        on_plane = self.vertices[self.faces[:, 0]]
+        third = row_dot(on_plane, self.normal) * self.area / 3
+        return np.bincount(self.faces.ravel(), np.repeat(third, 3), len(self.vertices))
 
     @cached_property
     def thirds(self) -> Float[np.ndarray, "t 3 3"]:
