@@ -61,14 +61,8 @@ class SheetCells:
     """Length of the edges of three, five, .. faces [m], which join a partition."""
     open_seams: float
     """Length of the free border next to another one that was perhaps the same [m]."""
-    welded_vertices: int
-    """Number of vertices that were welded to another one."""
-    double_faces: int
-    """Number of dropped faces with the corners of another face."""
-    degenerate_faces: int
-    """Number of dropped faces without area."""
-    cut_edges: int
-    """Number of cuts of edges at a vertex that lies on them."""
+    welded: WeldedMesh
+    """Faces before they were cut into triangles, and what was done to join them."""
 
     @property
     def node_count(self) -> int:
@@ -150,10 +144,7 @@ def sheet_cells(
         border=float(np.linalg.norm(border[:, 1] - border[:, 0], axis=1).sum()),
         partitions=float(np.linalg.norm(joined[:, 1] - joined[:, 0], axis=1).sum()),
         open_seams=open_seams(surface.vertices, surface.faces, _SEAM * size),
-        welded_vertices=welded.welded_vertices,
-        double_faces=welded.double_faces,
-        degenerate_faces=welded.degenerate_faces,
-        cut_edges=welded.cut_edges,
+        welded=welded,
     )
 
 

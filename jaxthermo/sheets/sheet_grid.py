@@ -111,7 +111,8 @@ class SheetGrid(AbstractGrid):
     @cached_property
     @override
     def cavities(self) -> SheetInsides | None:
-        return find_insides(self.cells.vertices, self.cells.faces)
+        # The few faces that the many triangles are pieces of.
+        return find_insides(self.cells.welded.vertices, self.cells.welded.faces)
 
     @cached_property
     @override

@@ -45,10 +45,10 @@ def sheet_report(sheet: Sheet) -> SheetReport:
         through=_through(sheet),
         border_m=cells.border,
         open_seams_m=cells.open_seams,
-        welded_vertices=cells.welded_vertices,
-        dropped_double_faces=cells.double_faces,
-        dropped_faces_without_area=cells.degenerate_faces,
-        edges_cut_at_vertices=cells.cut_edges,
+        welded_vertices=cells.welded.welded_vertices,
+        dropped_double_faces=cells.welded.double_faces,
+        dropped_faces_without_area=cells.welded.degenerate_faces,
+        edges_cut_at_vertices=cells.welded.cut_edges,
     )
 
 
@@ -79,8 +79,8 @@ def sheet_notes(sheet: Sheet) -> list[str]:
             lines.append(f"{part}: {line}" if part and len(rows) > 1 else line)
     cells = sheet.grid.cells
     counts = {
-        "faces that are there twice": cells.double_faces,
-        "faces without area": cells.degenerate_faces,
+        "faces that are there twice": cells.welded.double_faces,
+        "faces without area": cells.welded.degenerate_faces,
     }
     dropped = [f"{number:,} {what}" for what, number in counts.items() if number]
     if dropped:

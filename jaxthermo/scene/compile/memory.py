@@ -52,7 +52,7 @@ class _Parts(NamedTuple):
 
 # In float32. A stencil has a byte for each cell, and no array of links.
 _KEPT_STENCIL = _Parts(faces=70, fragments=223, cut_voxels=136, values=1)
-_KEPT_LINKS = _Parts(faces=68, fragments=222, surface_nodes=107, links=43)
+_KEPT_LINKS = _Parts(faces=72, fragments=128, surface_nodes=100, links=51)
 # Runs and rows of a full volume, instead of links.
 _KEPT_RUNS = _Parts(faces=68, fragments=222, surface_nodes=82)
 # The links of a full volume are found for the run, other structures have theirs.
@@ -64,13 +64,13 @@ _KEPT_SNAPSHOT = _Parts(fragments=75)
 # Two states of a step, five of stages; a solve has a dozen, and the levels' own.
 _STEPS_STENCIL: dict[Method, _Parts] = {
     "euler": _Parts(fragments=85, cut_voxels=49, values=8),
-    "stages": _Parts(fragments=85, cut_voxels=49, values=16, cut_values=4),
+    "stages": _Parts(fragments=85, cut_voxels=49, values=16, cut_values=17),
     "implicit": _Parts(fragments=66, cut_voxels=190, values=97),
     "diagonal": _Parts(fragments=66, cut_voxels=190, values=71),
 }
 _STEPS_LINKS: dict[Method, _Parts] = {
-    "euler": _Parts(fragments=28, surface_nodes=58, values=4, links=4),
-    "stages": _Parts(fragments=28, surface_nodes=58, values=16, links=4),
+    "euler": _Parts(fragments=36, surface_nodes=58, values=4, links=4),
+    "stages": _Parts(fragments=36, surface_nodes=58, values=28, links=4),
     "implicit": _Parts(fragments=28, surface_nodes=58, values=4, links=33),
     "diagonal": _Parts(fragments=28, surface_nodes=58, values=47, links=4),
 }

@@ -31,12 +31,15 @@ KINDS = {
     "full": jt.FullVolume,
     "octree": jt.Octree,
     "aggregate": lambda grid: jt.Aggregate(grid, factor=2),
+    "sheet": lambda grid: jt.Sheet(grid.mesh, (jt.Layer(STEEL, 1e-3),), 2 * grid.pitch),
 }
 
 
 def _scene(structure_name: str, across: int = 50) -> jt.Scene:
     grid = jt.voxelize(jt.shapes.sphere(0.25), 0.5 / across * (1 + 1e-9))
-    body = jt.Body(KINDS[structure_name](grid), STEEL, temperature=300.0)
+    structure = KINDS[structure_name](grid)
+    material = None if isinstance(structure, jt.Sheet) else STEEL
+    body = jt.Body(structure, material, temperature=300.0)
     return jt.Scene((body,), TERMS, dtype="float32")
 
 
@@ -62,6 +65,7 @@ def _kept() -> dict[int, int]:
         pytest.param("aggregate", "euler", marks=pytest.mark.slow),
         pytest.param("full", "stages", marks=pytest.mark.slow),
         pytest.param("octree", "stages", marks=pytest.mark.slow),
+        ("sheet", "stages"),
         pytest.param("full", "implicit", marks=pytest.mark.slow),
     ],
 )

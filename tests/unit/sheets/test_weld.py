@@ -23,7 +23,7 @@ def test_a_box_of_loose_faces_is_closed():
     box = shapes.box((0.4, 0.3, 0.2))
     cells = sheet_cells(soup(box), pitch=0.1)
     assert cells.border == 0
-    assert cells.welded_vertices == 3 * len(box.faces) - 8
+    assert cells.welded.welded_vertices == 3 * len(box.faces) - 8
     assert cells.node_count == sheet_cells(box, pitch=0.1).node_count
 
 
@@ -32,7 +32,7 @@ def test_double_faces_and_faces_without_area_are_dropped_and_counted():
     extra = np.array([box.faces[3], box.faces[5, ::-1], [0, 0, 1], [2, 2, 2]])
     mesh = replace(box, faces=np.concatenate([box.faces, extra]))
     cells = sheet_cells(mesh, pitch=0.1)
-    assert (cells.double_faces, cells.degenerate_faces) == (2, 2)
+    assert (cells.welded.double_faces, cells.welded.degenerate_faces) == (2, 2)
     assert cells.area.sum() == pytest.approx(box.area, rel=1e-12)
 
 
@@ -45,7 +45,7 @@ def test_a_t_junction_is_closed_within_the_weld(gap):
     joined = sheet_cells(mesh, pitch=0.1, weld=1e-3)
     assert joined.open_seams == 0
     assert joined.border == pytest.approx(perimeter, rel=1e-3)
-    assert joined.cut_edges > 0
+    assert joined.welded.cut_edges > 0
     # The area of the mesh, not of the welded one.
     assert joined.area.sum() == pytest.approx(mesh.area, rel=1e-12)
     apart = sheet_cells(mesh, pitch=0.1)
