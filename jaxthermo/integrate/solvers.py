@@ -55,9 +55,6 @@ _MIN_STEPS_AFTER_EVENT = 16
 MAX_REFINED_EVENTS = 64
 """Number of events up to which the intervals between them get several steps."""
 
-MAX_EULER_STEPS = 2_000
-"""Number of stable steps up to which explicit Euler is selected by default."""
-
 _FIRST_STEPS = 8
 """Number of steps of the first pass of several."""
 
@@ -351,7 +348,7 @@ class ErrorControl(AbstractSolver):
     surface temperatures, or `error`. The receipt gives the estimate, see
     `Solution.run.time_error`. Steps are those of `SuperTimeStepping`, or above 5
     million stable steps of `TRBDF2`. Where values are traced nothing can be repeated:
-    a solver is selected by the number of stable steps instead.
+    the run takes the default steps of one of these two, and its error is not estimated.
     """
 
     relative_error: float = eqx.field(static=True, default=1e-3)
@@ -400,13 +397,13 @@ def select_solver(
 ) -> tuple[AbstractSolver, str]:
     """Select a solver by the number of stable explicit steps, with the reason.
 
-    It serves runs that cannot be repeated, since values are traced. Where conduction is
-    not `symmetric` only explicit solvers can be chosen.
+    It serves runs that cannot be repeated, since values are traced. All choices are of
+    second order: Euler steps as long as is stable are several percent off where a run
+    has few of them. Where conduction is not `symmetric` only explicit solvers can be
+    chosen.
     """
     if stable_step is None:
         return ForwardEuler(), "the stable step is traced"
-    if t1 <= MAX_EULER_STEPS * stable_step:
-        return ForwardEuler(), f"at most {MAX_EULER_STEPS} stable steps"
     steps = _stable_steps(stable_step, t1)
     if not symmetric:
         return SuperTimeStepping(), f"{steps}, and conduction is not symmetric"

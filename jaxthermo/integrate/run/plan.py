@@ -40,6 +40,12 @@ from .schedule import (
 )
 
 
+_NOT_ESTIMATED = (
+    "error in time not estimated: values are traced; run the scene once with known "
+    "numbers, or with a shorter `dt`, to see it"
+)
+
+
 class Plan(NamedTuple):
     """A compiled scene with its solver and steps: every decision before the run."""
 
@@ -219,7 +225,7 @@ def _compiled_for(
     if control_error and end > 0:
         # To repeat a run until a condition holds takes known numbers.
         if is_traced((scene, compiled)):
-            note = "error in time not estimated: values are traced"
+            note = _NOT_ESTIMATED
             choice = choice._replace(note=note)
         else:
             choice = choice._replace(control=solver)

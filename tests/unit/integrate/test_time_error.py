@@ -3,6 +3,7 @@
 from itertools import islice
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -167,23 +168,23 @@ def test_segments_and_checkpoints_take_the_same_passes(tmp_path, controlled):
             np.testing.assert_array_equal(leaf, expected)
 
 
-def test_a_traced_scene_takes_the_stable_steps_and_says_so():
+def test_a_traced_scene_takes_second_order_steps_and_says_so():
+    """Of the plate that is several percent off in Euler steps as long as is stable."""
     seen = []
-    structure = jt.FullVolume(bar(9, 0.01))
 
-    def planned(temperature):
-        body = jt.Body(structure, METAL, temperature=temperature)
-        scene = jt.Scene((body,), (), dtype="float64")
-        control = jt.ErrorControl()
-        seen.append(
-            plan_run(scene, t1=10.0, save_at=None, solver=control, control_error=True)
-        )
-        return temperature
+    def mean(temperature):
+        scene = _plate()
+        body = eqx.tree_at(lambda b: b.temperature, scene.bodies[0], temperature)
+        run = jt.simulate(eqx.tree_at(lambda s: s.bodies, scene, (body,)), 30.0)
+        seen.append(run)
+        return run.mean_temperature[0, 0]
 
-    jax.jvp(planned, (300.0,), (1.0,))
-    assert seen[0].control is None and type(seen[0].solver) is jt.ForwardEuler
-    notes = seen[0].compiled.receipt.notes
-    assert notes[-1] == "error in time not estimated: values are traced"
+    traced, slope = jax.jvp(mean, (400.0,), (1.0,))
+    assert traced == pytest.approx(_plate_mean(30.0), abs=0.01)
+    # Linear in the excess over the air.
+    assert slope == pytest.approx((_plate_mean(30.0) - 300.0) / 100.0, abs=1e-4)
+    assert seen[0].run.solver == "SuperTimeStepping"
+    assert any("values are traced" in note for note in seen[0].receipt.notes)
 
 
 def test_passes_end_at_the_limit_or_at_rounding(controlled):
