@@ -14,10 +14,12 @@ from jaxtyping import Bool, Float, Int
 from ..arrays import Scalar, is_traced, namespace, stacked, typed_array
 from ..errors import InputError
 from ..geometry.mesh import Pose
+from ..geometry.vectors import unit_vectors
 from ..memo.found import found
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.cavities import AbstractCavities
 from ..voxels.fractions import area_fractions
+from ..voxels.fragment_pieces import Facing
 from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
 
@@ -125,6 +127,20 @@ class BodySurface:
         """Fragments with a natural boundary that terms without a selection reach."""
         reached = self.grid.reached_by(None)
         return self.natural if reached is None else self.natural & reached
+
+    def facing(self, towards: Float[np.ndarray, "#s 3"] | None) -> Facing:
+        """Part of each fragment that faces a direction, of any length; None for all.
+
+        A curved fragment may face it in part only.
+        """
+        pieces = self.grid.pieces
+        if towards is None or pieces is None:
+            return Facing(normal=self.normal, fraction=1.0)
+        in_body = self.pose.rotate_back(towards)
+        vectors = self.pose.rotate(pieces.facing(in_body, len(self.normal)))
+        fraction = np.linalg.norm(vectors, axis=1)
+        turned = np.where(fraction[:, None] > 0, unit_vectors(vectors), self.normal)
+        return Facing(normal=turned, fraction=fraction)
 
     def omitted(self, reason: str) -> Omitted:
         """An omission on this body."""

@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 
 from ..arrays import numbered
 from ..geometry.vectors import row_dot, unit_vectors
+from ..voxels.fragment_pieces import FragmentPieces
 from .surface import Surface, summed_rows
 
 
@@ -29,6 +30,8 @@ class SheetFragments(NamedTuple):
     """Part of the mesh."""
     of_corner: Int[np.ndarray, "t 3"]
     """Fragment of the third of every triangle that is nearest to each corner."""
+    pieces: FragmentPieces
+    """Part of every face of the mesh in each fragment."""
 
 
 def surface_fragments(
@@ -70,6 +73,11 @@ def surface_fragments(
         area=total,
         part=group_part,
         of_corner=fragment.reshape(-1, 3),
+        pieces=FragmentPieces(
+            fragment=rank[group],
+            normal=surface.normal[triangle],
+            share=np.bincount(entry, weight / weights[fragment], len(triangle)),
+        ),
     )
 
 

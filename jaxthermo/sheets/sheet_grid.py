@@ -13,6 +13,7 @@ from wadler_lindig import TextDoc
 from ..geometry.mesh import Mesh
 from ..geometry.vectors import triangle_normals, unit_vectors
 from ..voxels.abstract_grid import AbstractGrid
+from ..voxels.fragment_pieces import FragmentPieces
 from ..voxels.lattice import Lattice
 from ..voxels.selection import FACES, AbstractSelection, AbstractSpace, SurfaceSamples
 from .cells import SheetCells
@@ -102,6 +103,17 @@ class SheetGrid(AbstractGrid):
     @override
     def fragment_face(self) -> Int[np.ndarray, " s"]:
         return np.repeat([FRONT, BACK], len(self.fragment_area) // 2)
+
+    @cached_property
+    @override
+    def pieces(self) -> FragmentPieces:
+        front = self.cells.fragments.pieces
+        back = front.fragment + len(self.cells.fragments.area)
+        return FragmentPieces(
+            fragment=np.concatenate([front.fragment, back]),
+            normal=np.concatenate([front.normal, -front.normal]),
+            share=np.tile(front.share, 2),
+        )
 
     @cached_property
     @override

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
 from .cavities import AbstractCavities
+from .fragment_pieces import FragmentPieces
 from .lattice import Lattice
 from .represented import Represented
 from .selection import AbstractSelection, FragmentCentres
@@ -62,6 +63,11 @@ class AbstractGrid(abc.ABC):
     @property
     def fragment_face(self) -> Int[np.ndarray, " s"] | None:
         """Side of a thin wall: 0 at its front, 1 at its back; None for a solid."""
+        return None
+
+    @property
+    def pieces(self) -> FragmentPieces | None:
+        """Pieces of the fragments; None where each of them is plane."""
         return None
 
     @property

@@ -149,6 +149,13 @@ class AbstractSource(AbstractRadiativeTerm):
             pitch: edge of the squares that the points represent [m], one or one each.
         """
 
+    def towards(
+        self, position: Float[np.ndarray, "s 3"]
+    ) -> Float[np.ndarray, "#s 3"] | None:
+        """Vectors from points to the source; None where it is too large for one."""
+        del position
+        return None
+
     @property
     def exposure_key(self) -> Hashable:
         """Values on which its exposure depends, besides the surfaces; None if unknown.
@@ -203,9 +210,17 @@ class AbstractSource(AbstractRadiativeTerm):
                 f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
                 f"body {body.body} (or a part of it is); move it out of the body"
             )
+
+        def search(triangles, position, normal, pitch):
+            del normal
+            facing = body.facing(self.towards(position))
+            return facing.fraction * self.exposure(
+                triangles, position=position, normal=facing.normal, pitch=pitch
+            )
+
         key = self.exposure_key
         return body.searched(
-            self.exposure,
+            search,
             by=None if key is None else ("exposure", type(self), key),
             task=f"shadows of {self.name} on",
         )
@@ -254,6 +269,10 @@ class Sun(AbstractSource):
     @override
     def exposure_key(self) -> Hashable:
         return self.direction
+
+    @override
+    def towards(self, position) -> Float[np.ndarray, "1 3"]:
+        return -unit_vector(self.direction)[None]
 
     @override
     def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
@@ -335,6 +354,10 @@ class PointSource(AbstractSource):
     @override
     def exposure_key(self) -> Hashable:
         return self.position, self.min_distance
+
+    @override
+    def towards(self, position) -> Float[np.ndarray, "s 3"]:
+        return np.asarray(self.position, float) - position
 
     @override
     def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:

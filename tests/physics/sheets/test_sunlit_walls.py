@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
+from jaxthermo.geometry.vectors import triangle_normals, unit_vectors
 from jaxthermo.reference.sheets import sunlit_cylinder, sunlit_sphere
 from tests.sheet_bodies import FRONT, at_nodes, open_cylinder
 
@@ -73,6 +75,34 @@ def test_spherical_shell_follows_its_series():
 
 
 @pytest.mark.slow
-def test_spherical_shell_converges_at_second_order():
-    coarse, fine = sphere_error(2, 0.015), sphere_error(3, 0.0075)
+@pytest.mark.parametrize(
+    "sizes",
+    [((2, 0.015), (3, 0.0075)), ((3, 0.0075), (4, 0.00375))],
+)
+def test_spherical_shell_converges_at_second_order(sizes):
+    coarse, fine = (sphere_error(*size) for size in sizes)
     assert np.log2(coarse / fine) >= 1.8
+
+
+def test_curved_fragments_receive_the_light_of_their_faces():
+    """Also those of which only a part is lit, at the terminator."""
+    sheet = jt.Sheet(jt.shapes.sphere(RADIUS, 3), LAYERS, pitch=0.02)
+    grid = sheet.grid
+    cells = grid.cells
+    count = len(cells.fragments.area)
+    towards = np.array([0.36, 0.48, 0.8])
+    vectors = grid.pieces.facing(towards[None], 2 * count)
+    received = grid.fragment_area * (vectors @ towards)
+    normal = unit_vectors(triangle_normals(cells.vertices[cells.faces]))
+    node = cells.vertex_node[cells.faces].ravel()
+    for face, sign in enumerate((1.0, -1.0)):
+        cosine = np.maximum(sign * (normal @ towards), 0.0)
+        exact = np.bincount(node, np.repeat(cells.face_area * cosine / 3, 3))
+        fragments = np.arange(count) + face * count
+        of_node = np.bincount(cells.fragments.node, received[fragments])
+        assert_allclose(of_node, exact, rtol=1e-12, atol=1e-12 * exact.max())
+        mean_normal = np.maximum(sign * (cells.fragments.normal @ towards), 0.0)
+        by_mean = np.bincount(
+            cells.fragments.node, cells.fragments.area * mean_normal, len(exact)
+        )
+        assert np.abs(by_mean - exact).max() > 1e-4 * exact.max()

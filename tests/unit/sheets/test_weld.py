@@ -64,6 +64,19 @@ def test_a_weld_does_not_collapse_a_row_of_points():
     assert cells.area.sum() == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.parametrize("weld", [1e-3, 4e-3])
+def test_strips_within_the_weld_keep_their_area(weld):
+    """Their faces collapse into lines and points, whose nodes have their area."""
+    x = np.array([0, 0.3, 0.5, 0.5005, 0.5016, 0.503, 0.8, 1.0])
+    y = np.array([0, 0.2, 0.2009, 0.202, 0.6])
+    plate = grid_plate(x, y)
+    cells = sheet_cells(plate, pitch=0.2, weld=weld)
+    assert cells.welded_vertices > 0
+    assert (cells.face_area > 0).all()
+    assert cells.area.sum() == pytest.approx(plate.area, rel=1e-12)
+    assert cells.fragments.area.sum() == pytest.approx(plate.area, rel=1e-12)
+
+
 def test_needles_end_in_few_pieces():
     needle = Mesh(np.array([[0, 0, 0], [1, 0, 0], [0, 1e-3, 0]]), np.array([[0, 1, 2]]))
     cells = sheet_cells(needle, pitch=0.02)
