@@ -1,4 +1,4 @@
-"""The exception for a mistake of the user, and the checks that raise it."""
+"""The exception for a mistake of the user, the checks that raise it, and a warning."""
 
 import math
 import operator
@@ -13,6 +13,10 @@ class InputError(ValueError):
     The command line prints the message and exits with status 2; any other exception is
     a defect of this package and keeps its traceback.
     """
+
+
+class LongComputation(UserWarning):
+    """A computation that takes long, told before most of it is done."""
 
 
 @contextmanager

@@ -12,6 +12,8 @@ from typing import Any
 
 from rich.console import Console
 
+from ..errors import LongComputation
+
 
 # Tables grow up to this width in a pipe [characters].
 _PIPE_WIDTH = 240
@@ -63,7 +65,9 @@ def collected_warnings() -> Iterator[list[str]]:
             *position: Any,
             **options: Any,
         ) -> None:
-            if category is not UserWarning:
+            if category is LongComputation:
+                Console(stderr=True, highlight=False).print(str(message))
+            elif category is not UserWarning:
                 show(message, category, *position, **options)
             elif str(message) not in texts:
                 texts.append(str(message))

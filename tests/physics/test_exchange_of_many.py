@@ -9,8 +9,12 @@ from scipy.sparse import csr_array, diags_array
 
 import jaxthermo as jt
 from jaxthermo import host_memory
-from jaxthermo.physics.radiation import transfer, view_factors
+from jaxthermo.errors import LongComputation
+from jaxthermo.physics.radiation import sampling_cost, transfer, view_factors
+from jaxthermo.physics.radiation.global_lines import bundles_of, sample_all_directions
+from jaxthermo.physics.radiation.line_hits import LineScene
 from jaxthermo.physics.radiation.patches import shares_of_patches
+from jaxthermo.physics.radiation.sampling_cost import SamplingCost
 from jaxthermo.physics.radiation.view_factors import ViewFactors, refined_view_factors
 from jaxthermo.reference.view_factor import parallel_rectangles
 from tests.radiating import in_patches, moved, room
@@ -182,3 +186,61 @@ def test_rows_in_chunks_are_the_matrix():
     empty = views._replace(between=csr_array(diags_array(np.zeros(70))))
     rows = transfer._rows(empty, np.dtype(float))
     assert_array_equal(rows.product(jnp.asarray(vector)), 0.0)
+
+
+def test_faces_in_one_patch_need_no_look_up():
+    """Patches by face are those of the points on it, wherever a table has one."""
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    ball = jt.voxelize(jt.shapes.sphere(0.5, 3), 0.1)
+    bodies = (in_patches(ball, 60), in_patches(CUBE, 6, moved(2.0, 0.0, 0.0, turn)))
+    scene = LineScene.of_bodies(bodies)
+    known = np.flatnonzero(scene.of_face >= 0)
+    assert len(known) > len(scene.faces) / 4
+    # All faces of the cube: each side is one patch.
+    assert (scene.of_face[scene.body == 1] >= 0).all()
+    weights = np.random.default_rng(1).dirichlet(np.ones(3), len(known))
+    points = np.einsum("kc,kci->ki", weights, scene.vertices[scene.faces[known]])
+    looked_up = scene.solids.at(points, face=known, space=np.zeros(len(known), int))
+    assert_array_equal(looked_up, scene.of_face[known])
+
+
+def test_lines_are_told_before_they_are_sampled():
+    """The forecast of surfaces that lines meet is the number that they meet."""
+    body = in_patches(CUBE, 600)
+    cost = SamplingCost.of_scene(LineScene.of_bodies((body,)), None)
+    spacing = body.line_spacing(None)
+    assert cost.hits == pytest.approx(6.0 / 2 / min(spacing, np.sqrt(1.5 / 4096)) ** 2)
+    _, sampling = refined_view_factors((body,), 0.05)
+    met = refined_lines((body,), sampling.directions)
+    assert sampling.lines == pytest.approx(met, rel=0.03)
+
+
+def refined_lines(bodies, directions):
+    """Lines between surfaces and the surroundings, in all samples up to the last."""
+    scene = LineScene.of_bodies(bodies)
+    sums = sample_all_directions(scene, directions, None)
+    pixel = bundles_of(scene, None).bundles[0].pixel
+    # Each line of a convex body meets it twice, once in its sky and once below it.
+    each_way = 2 / (directions // 2) * pixel**2
+    lines = (sums.sky.sum() + sums.ground.sum()) / 2 / each_way
+    return lines * (2 * directions - 16) / directions
+
+
+def test_long_samples_are_told_at_once(monkeypatch):
+    monkeypatch.setattr(sampling_cost, "_MANY_HITS", 1e3)
+    body = in_patches(CUBE, 24)
+    with pytest.warns(LongComputation, match="view factors of 24 patches: 16 direct"):
+        refined_view_factors((body,), 0.05)
+
+
+def test_sampling_ends_where_memory_does(monkeypatch):
+    """More directions than fit are not sampled; the note tells why."""
+    bodies = tuple(in_patches(CUBE, 600, moved(1.5 * n, 0.0, 0.0)) for n in range(2))
+    cost = SamplingCost.of_scene(LineScene.of_bodies(bodies), None)
+    free = int(cost.bytes_for(128) / 0.8) + 1
+    monkeypatch.setattr(host_memory, "available_bytes", lambda: free)
+    _, sampling = refined_view_factors(bodies, 1e-6, max_directions=256)
+    assert sampling.directions == 128
+    assert sampling.note.endswith(
+        "more directions do not fit into memory: give fewer `max_patches`"
+    )

@@ -14,7 +14,10 @@ own, which count what it exchanges. Source: the global lines of Sbert, Comput. G
 Forum 12(3) (1993).
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import islice
 from typing import NamedTuple
 
@@ -24,7 +27,11 @@ from scipy.sparse import csr_array
 
 from ...geometry.mesh import Pose
 from ...memo.found import found
-from ...raster.views import cap_directions, half_sphere_directions
+from ...raster.views import (
+    OrthographicView,
+    cap_directions,
+    half_sphere_directions,
+)
 from .line_hits import LineScene, Segments, displaced_views, outline, segments_along
 from .patches import PatchedBody
 
@@ -34,6 +41,9 @@ from .patches import PatchedBody
 _MAX_VIEWS = 64
 _MAX_TRIANGLES = 2**16
 _MAX_PIXELS = 2**18
+
+# Drawings that wait for each processor.
+_WAITING_DRAWINGS = 4
 
 # Lines that are counted at once: a sum costs as much as all pairs so far.
 _MAX_WAITING = 2**23
@@ -65,6 +75,8 @@ class _Bundle(NamedTuple):
     """Corners of the hull that the lines must surround, world [m]."""
     pixel: float
     """Distance between lines [m]."""
+    area: float
+    """Surface of its bodies [m^2]."""
 
 
 class _Bundles(NamedTuple):
@@ -73,6 +85,15 @@ class _Bundles(NamedTuple):
     bundles: list[_Bundle]
     of_patch: Int[np.ndarray, " p"]
     """Bundle that counts what each patch exchanges with patches of no later bundle."""
+
+
+def bundles_of(scene: LineScene, lines: int | None) -> _Bundles:
+    """Bundles of lines of a scene; `lines` as in `sample_all_directions`."""
+    return found(
+        (scene.vertices,),
+        ("bundles of lines", lines),
+        lambda: _bundles(scene.bodies, lines),
+    )
 
 
 def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> _Bundles:
@@ -88,10 +109,13 @@ def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> _Bundles:
     for group in (shared, *finer[:, None]):
         together = [bodies[number] for number in group]
         points = np.concatenate([body.vertices for body in together])
-        spacing = _dense(float(pixel[group].min()), together, lines)
-        bundles.append(
-            _Bundle(number=len(bundles), points=outline(points), pixel=spacing)
+        lines_of_group = _Bundle(
+            number=len(bundles),
+            points=outline(points),
+            pixel=_dense(float(pixel[group].min()), together, lines),
+            area=sum(float(body.patches.area.sum()) for body in together),
         )
+        bundles.append(lines_of_group)
     counts = [body.patches.count for body in bodies]
     return _Bundles(bundles=bundles, of_patch=np.repeat(bundle, counts))
 
@@ -120,6 +144,22 @@ def _counted(
     return csr_array((number.astype(float), (row, column)), shape=(count, count))
 
 
+def _segments(
+    scene: LineScene, views: Iterator[OrthographicView], at_once: int
+) -> Iterator[Segments]:
+    """Lines of views, a number of them drawn at once, in their order."""
+    threads = os.cpu_count() or 1
+    trace = partial(segments_along, scene)
+    with ThreadPoolExecutor(threads) as pool:
+        # Only lines of a few drawings at a time are kept.
+        while batches := [
+            batch
+            for _ in range(_WAITING_DRAWINGS * threads)
+            if (batch := tuple(islice(views, at_once)))
+        ]:
+            yield from pool.map(trace, batches)
+
+
 def sample_all_directions(
     scene: LineScene, directions: int, lines: int | None
 ) -> LineSums:
@@ -128,11 +168,7 @@ def sample_all_directions(
     A view has `lines` lines across each body, or two across each patch if it is None.
     """
     # A line counts both ways, so that half of the directions are enough, rounded up.
-    bundles, of_patch = found(
-        (scene.vertices,),
-        ("bundles of lines", lines),
-        lambda: _bundles(scene.bodies, lines),
-    )
+    bundles, of_patch = bundles_of(scene, lines)
     half = (directions + 1) // 2
     ahead = half_sphere_directions(half)
     totals = LineSums(
@@ -151,8 +187,7 @@ def sample_all_directions(
         at_once = int(min(_MAX_TRIANGLES // len(scene.faces), _MAX_PIXELS // pixels))
         at_once = max(1, min(_MAX_VIEWS, at_once)) if len(bundles) == 1 else 1
         views = displaced_views(bundle.points, ahead, pixel)
-        while batch := tuple(islice(views, at_once)):
-            segments = segments_along(scene, batch)
+        for segments in _segments(scene, views, at_once):
             waiting.append(_of_bundle(segments, of_patch, bundle))
             if sum(len(lines.start) for lines in waiting) > _MAX_WAITING:
                 totals = _added(totals, waiting, weight)
@@ -213,7 +248,7 @@ class PairCone(NamedTuple):
     axis: Float[np.ndarray, "3"]
     min_cosine: float
     small: Float[np.ndarray, "n 3"]
-    """Points of the smaller body, world [m]."""
+    """Corners of the hull of the smaller body, world [m]."""
 
     @property
     def extent(self) -> float:
@@ -236,7 +271,7 @@ def pair_cone(
     if min_cosine <= 0:
         return None
     small = min(first, second, key=lambda points: np.ptp(points, axis=0).max())
-    return PairCone(pair=pair, axis=axis, min_cosine=min_cosine, small=small)
+    return PairCone(pair=pair, axis=axis, min_cosine=min_cosine, small=outline(small))
 
 
 def sample_pair(
@@ -258,8 +293,8 @@ def sample_pair(
     number = np.repeat(np.arange(len(bodies)), [b.patches.count for b in bodies])
     starts = []
     ends = []
-    for view in displaced_views(outline(cone.small), ahead, pixel):
-        start, end, _, _ = segments_along(scene, [view])
+    views = displaced_views(cone.small, ahead, pixel)
+    for start, end, _, _ in _segments(scene, views, at_once=1):
         between = (number[start] == cone.pair[0]) & (number[end] == cone.pair[1])
         starts.append(start[between])
         ends.append(end[between])

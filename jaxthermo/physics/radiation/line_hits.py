@@ -35,6 +35,10 @@ class LineScene(NamedTuple):
     first_face: Int[np.ndarray, " b"]
     """Index of each body's first face among all faces."""
     solids: SolidPatches
+    of_face: Int[np.ndarray, " f"]
+    """Patch of each face that lies in one patch; -1 for others."""
+    has_rooms: bool
+    """True if closed cavities of solids have patches of their own."""
     count: int
     """Number of patches."""
 
@@ -42,7 +46,9 @@ class LineScene(NamedTuple):
     def of_bodies(cls, bodies: tuple[PatchedBody, ...]) -> "LineScene":
         """The scene of some bodies."""
         vertices, faces = joined([(body.vertices, body.faces) for body in bodies])
-        normal = triangle_normals(vertices[faces])
+        corners = vertices[faces]
+        normal = triangle_normals(corners)
+        solids = SolidPatches.of_bodies(bodies, normal)
         face_counts = [len(body.faces) for body in bodies]
         is_thin = [body.wall is not None for body in bodies]
         return cls(
@@ -53,7 +59,9 @@ class LineScene(NamedTuple):
             body=np.repeat(np.arange(len(bodies)), face_counts),
             is_thin=np.repeat(is_thin, face_counts),
             first_face=np.cumsum([0, *face_counts[:-1]]),
-            solids=SolidPatches.of_bodies(bodies, normal),
+            solids=solids,
+            of_face=solids.of_faces(corners),
+            has_rooms=any(body.has_rooms for body in bodies),
             count=sum(body.patches.count for body in bodies),
         )
 
@@ -114,10 +122,13 @@ class _Strip(NamedTuple):
             height=self.height,
         )
 
-    def points(self, layers: DepthLayers) -> Float[np.ndarray, "k 3"]:
-        """Positions of fragments in the world [m]."""
-        row, column = np.divmod(layers.pixel, self.width)
-        points = np.stack([column + 0.5, row + 0.5, layers.depth], axis=1)
+    def points(
+        self, layers: DepthLayers, fragment: Int[np.ndarray, " k"]
+    ) -> Float[np.ndarray, "k 3"]:
+        """Positions of some fragments, in ascending order, in the world [m]."""
+        row, column = np.divmod(layers.pixel[fragment], self.width)
+        depth = layers.depth[fragment]
+        points = np.stack([column + 0.5, row + 0.5, depth], axis=1)
         # Fragments are sorted by row.
         ends = np.searchsorted(row, np.append(self.start[1:], self.height))
         first = 0
@@ -146,7 +157,7 @@ class _Hits(NamedTuple):
     pixel: Int[np.ndarray, " k"]
     """Line."""
     point: Float[np.ndarray, "k 3"]
-    """Position in the world [m]."""
+    """Position in the world [m]; nan where the triangle lies in one patch."""
     triangle: Int[np.ndarray, " k"]
     enters: Bool[np.ndarray, " k"]
     """True where the line leads into the surface, False where it leads out of it."""
@@ -157,7 +168,10 @@ class _Hits(NamedTuple):
 def _hits(strip: _Strip, scene: LineScene) -> _Hits:
     layers = strip.peel(scene)
     triangle = layers.triangle % len(scene.faces)
-    point = strip.points(layers)
+    point = np.full((len(triangle), 3), np.nan)
+    is_apart = scene.of_face[triangle] < 0
+    placed = np.flatnonzero(is_apart | scene.has_rooms)
+    point[placed] = strip.points(layers, placed)
     is_thin = scene.is_thin[triangle]
     if not is_thin.any():
         return _Hits(
@@ -195,10 +209,12 @@ def _met(
     hits: _Hits,
     open_gap: Bool[np.ndarray, " g"],
 ) -> _Met:
+    patch = scene.of_face[hits.triangle]
+    apart = np.flatnonzero(patch < 0)
+    space = np.zeros(len(patch), int)
+    cavity = np.zeros(len(patch), int)
+    is_thin = scene.is_thin[hits.triangle]
     body = scene.body[hits.triangle]
-    patch = np.zeros(len(body), int)
-    space = np.zeros(len(body), int)
-    cavity = np.zeros(len(body), int)
     for number, patched in enumerate(scene.bodies):
         if patched.wall is not None:
             # Its two hits follow each other, at one point.
@@ -211,7 +227,7 @@ def _met(
             patches = patched.wall.patches_at(at, face)[side, point]
             patch[on_body] = scene.solids.first[number] + patches
             cavity[on_body] = patched.wall.face_space[face[point], side] // 2
-        elif patched.patches.cavities is not None:
+        elif patched.has_rooms and patched.patches.cavities is not None:
             is_on_body = body == number
             ahead = _cavity_ahead(
                 patched.patches.cavities,
@@ -221,14 +237,10 @@ def _met(
                 pose=patched.pose,
             )
             space[is_on_body] = ahead[is_on_body]
-    is_thin = scene.is_thin[hits.triangle]
-    solid = np.flatnonzero(~is_thin)
+    solid = apart[~is_thin[apart]]
     if len(solid):
         patch[solid] = scene.solids.at(
-            hits.point[solid],
-            face=hits.triangle[solid],
-            space=space[solid],
-            body=body[solid],
+            hits.point[solid], face=hits.triangle[solid], space=space[solid]
         )
     return _Met(patch=patch, thin_body=np.where(is_thin, body, -1), cavity=cavity)
 

@@ -4,6 +4,8 @@ Fragments that face different spaces never share a patch: the outside, a closed 
 or the other face of a thin wall.
 """
 
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,6 +27,9 @@ _SIDES = 6
 
 # Number of patches of all bodies, over the largest one of a body.
 _SHARED = 10
+
+# Sizes of cells between one and twice that size.
+_CELL_SIZES = 8
 
 # Lines across a patch of mean area.
 _LINES_ACROSS_PATCH = 2.0
@@ -65,6 +70,14 @@ class _Cells:
         code = ((x * ny + y) * nz + z) * _SIDES + 2 * axis + ahead
         return code + self.period * rooms
 
+    def centres(self, code: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """Centre of the cell of each code [m]."""
+        _, ny, nz = (n // self.voxels + 1 for n in self.lattice.shape)
+        cell = code % self.period // _SIDES
+        index = np.stack([cell // (ny * nz), cell // nz % ny, cell % nz], axis=1)
+        edge = self.lattice.pitch * self.voxels
+        return np.asarray(self.lattice.origin) + (index + 0.5) * edge
+
 
 @dataclass(frozen=True, eq=False)
 class _Patches:
@@ -97,10 +110,8 @@ class _Patches:
         enclosed_rooms = self.room[self.is_enclosed & (self.room > 0)]
         return np.isin(self.code // self.cells.period, enclosed_rooms)
 
-    def nearest(
-        self, points: Float[np.ndarray, "n 3"], code: Int[np.ndarray, " n"]
-    ) -> Int[np.ndarray, " n"]:
-        """Nearest patch of points in cells without patches, in the body's frame.
+    def nearest(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Nearest patch of cells and sides that have none.
 
         Patches of the same room take precedence over those of other rooms, and in a
         room those of the same side.
@@ -118,7 +129,7 @@ class _Patches:
             "patches by side and room",
             lambda: KDTree(placed(self.centre, self.code)),
         )
-        _, patch = tree.query(placed(points, code))
+        _, patch = tree.query(placed(self.cells.centres(code), code))
         return np.asarray(patch)
 
 
@@ -179,6 +190,11 @@ class PatchedBody(NamedTuple):
     wall: ThinWall | None = None
     """Pieces of a thin wall; None for a solid."""
 
+    @property
+    def has_rooms(self) -> bool:
+        """True for a solid whose closed cavities have patches of their own."""
+        return self.wall is None and bool(self.patches.room.any())
+
     def line_spacing(self, lines: int | None) -> float:
         """Distance between lines that sample its view factors [m].
 
@@ -219,15 +235,16 @@ class SolidPatches(NamedTuple):
     """All bodies of the scene."""
     first: Int[np.ndarray, " b"]
     """First patch of each body."""
-    normal: Float[np.ndarray, "f 3"]
-    """Normal of each face of all bodies, world."""
-    to_cells: Float[np.ndarray, "b 3 3"]
-    """From positions [m] to cells of each body, transposed."""
-    shift: Float[np.ndarray, "f 3"]
+    body: Int[np.ndarray, " f"]
+    """Body of each face of all bodies."""
+    to_cells: Float[np.ndarray, "3 3 b"]
+    """From positions [m] to cells of each body: by coordinate, axis of the cells, and
+    body."""
+    shift: Float[np.ndarray, "3 f"]
     """Cell of the world's origin, by the faces of all bodies."""
-    top: Float[np.ndarray, "b 3"]
+    top: Float[np.ndarray, "3 b"]
     """Cell of the last voxel of each body."""
-    stride: Float[np.ndarray, "b 3"]
+    stride: Float[np.ndarray, "3 b"]
     """Difference between the codes of neighbouring cells of each body."""
     period: Int[np.ndarray, " b"]
     """Difference between the codes of one room and those of the next."""
@@ -276,75 +293,130 @@ class SolidPatches(NamedTuple):
         return cls(
             bodies=bodies,
             first=first,
-            normal=normal,
-            to_cells=np.array(to_cells),
-            shift=np.concatenate(shift),
-            top=(shapes - 0.5) / voxels[:, None],
-            stride=_SIDES * np.stack([counts[:, 1] * z, z, np.ones_like(z)], axis=1),
+            body=np.repeat(np.arange(len(bodies)), np.diff(faces)),
+            to_cells=np.stack(to_cells, axis=2),
+            shift=np.concatenate(shift).T.copy(),
+            top=((shapes - 0.5) / voxels[:, None]).T.copy(),
+            stride=_SIDES * np.stack([counts[:, 1] * z, z, np.ones_like(z)]),
             period=np.array([grid.period for grid in grids]),
             base=np.concatenate(base),
             lowest=np.array(lowest_codes),
-            by_code=_PatchesByCode(np.concatenate(codes), np.concatenate(numbers)),
+            by_code=_PatchesByCode(
+                _CodedPatches(np.concatenate(codes), np.concatenate(numbers))
+            ),
         )
+
+    def of_faces(self, corners: Float[np.ndarray, "f 3 3"]) -> Int[np.ndarray, " f"]:
+        """Patch of each face that lies in one cell and one space; -1 for others."""
+        is_simple = [b.wall is None and not b.has_rooms for b in self.bodies]
+        face = np.flatnonzero(np.array(is_simple)[self.body])
+        # A cell is convex, so that a triangle lies in that of its corners.
+        codes = np.stack(
+            [self._codes(corners[face, corner], face) for corner in range(3)]
+        )
+        in_one_cell = (codes[1:] == codes[0]).all(axis=0)
+        within = face[in_one_cell]
+        patch = np.full(len(corners), -1)
+        patch[within] = self._patches(codes[0, in_one_cell], self.body[within])
+        return patch
 
     def at(
         self,
         points: Float[np.ndarray, "n 3"],
         face: Int[np.ndarray, " n"],
         space: Int[np.ndarray, " n"],
-        body: Int[np.ndarray, " n"],
     ) -> Int[np.ndarray, " n"]:
         """Number of the patch of points on faces of solids, world [m].
 
         `space` is the number of the space of its body that each point faces.
         """
-        at = np.einsum("ki,kij->kj", points, self.to_cells[body]) + self.shift[face]
-        cell = np.floor(np.clip(at, 0, self.top[body]))
-        code = np.einsum("ki,ki->k", cell, self.stride[body]).astype(int)
-        code += self.base[face]
+        body = self.body[face]
+        code = self._codes(points, face)
         enclosed = np.flatnonzero(space)
         for within in np.unique(body[enclosed]):
             inside = enclosed[body[enclosed] == within]
             room = self.bodies[within].patches.room[space[inside]]
             code[inside] += self.period[within] * room
-        missing = self.by_code.missing(code)
-        unknown, first = np.unique(code[missing], return_index=True)
-        first = missing[first]
-        for within in np.unique(body[first]):
-            lost = body[first] == within
-            patched = self.bodies[within]
-            codes = unknown[lost]
-            nearest = patched.patches.nearest(
-                patched.pose.to_body(points[first[lost]]), codes - self.lowest[within]
-            )
-            self.by_code.add(codes, self.first[within] + nearest)
-        return self.by_code.patches(code)
+        return self._patches(code, body)
+
+    def _codes(
+        self, points: Float[np.ndarray, "n 3"], face: Int[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
+        """Code of the cell and side of points that face the outside."""
+        body = self.body[face]
+        coordinates = np.ascontiguousarray(points.T)
+        code = self.base[face]
+        for axis in range(3):
+            at = self.shift[axis][face]
+            for row in range(3):
+                at += coordinates[row] * self.to_cells[row, axis][body]
+            cell = np.floor(np.clip(at, 0, self.top[axis][body]))
+            code += (cell * self.stride[axis][body]).astype(int)
+        return code
+
+    def _patches(
+        self, code: Int[np.ndarray, " n"], body: Int[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
+        """Patch of each code; cells without one have the nearest patch."""
+
+        def nearest(missing: Int[np.ndarray, " m"]) -> _CodedPatches:
+            unknown, first = np.unique(code[missing], return_index=True)
+            within = body[missing[first]]
+            patch = np.zeros(len(unknown), int)
+            for number in np.unique(within):
+                lost = within == number
+                patches = self.bodies[number].patches
+                local = patches.nearest(unknown[lost] - self.lowest[number])
+                patch[lost] = self.first[number] + local
+            return _CodedPatches(unknown, patch)
+
+        return self.by_code.patches(code, nearest)
+
+
+class _CodedPatches(NamedTuple):
+    """Patches of some codes, which increase."""
+
+    code: Int[np.ndarray, " p"]
+    patch: Int[np.ndarray, " p"]
+
+    def slot(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Place of each code, or of any other if it is missing."""
+        return np.minimum(np.searchsorted(self.code, code), len(self.code) - 1)
+
+    def joined(self, other: "_CodedPatches") -> "_CodedPatches":
+        """These and others; of two with one code the first counts."""
+        both = np.append(self.code, other.code)
+        code, first = np.unique(both, return_index=True)
+        return _CodedPatches(code, np.append(self.patch, other.patch)[first])
 
 
 class _PatchesByCode:
     """Patch of each code; codes without a patch of their own are added when met."""
 
-    def __init__(self, code: Int[np.ndarray, " p"], patch: Int[np.ndarray, " p"]):
-        self._code = code
-        self._patch = patch
+    def __init__(self, known: _CodedPatches):
+        # One value, so that no thread reads codes with the patches of others.
+        self._known = known
+        self._adding = threading.Lock()
 
-    def _slot(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-        return np.minimum(np.searchsorted(self._code, code), len(self._code) - 1)
+    def patches(
+        self,
+        code: Int[np.ndarray, " n"],
+        find: Callable[[Int[np.ndarray, " m"]], _CodedPatches],
+    ) -> Int[np.ndarray, " n"]:
+        """Patch of each code.
 
-    def missing(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
-        """Indices of the codes that have no patch."""
-        return np.flatnonzero(self._code[self._slot(code)] != code)
-
-    def patches(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-        """Patch of each code."""
-        return self._patch[self._slot(code)]
-
-    def add(self, code: Int[np.ndarray, " m"], patch: Int[np.ndarray, " m"]) -> None:
-        """Add codes with their patches."""
-        code = np.append(self._code, code)
-        order = np.argsort(code, kind="stable")
-        self._code = code[order]
-        self._patch = np.append(self._patch, patch)[order]
+        `find` returns new codes and their patches from the indices of codes without.
+        """
+        known = self._known
+        slot = known.slot(code)
+        missing = np.flatnonzero(known.code[slot] != code)
+        if not len(missing):
+            return known.patch[slot]
+        added = find(missing)
+        with self._adding:
+            known = self._known.joined(added)
+            self._known = known
+        return known.patch[known.slot(code)]
 
 
 def _to_cells(body: PatchedBody) -> Float[np.ndarray, "3 3"]:
@@ -387,7 +459,9 @@ def group_patches(
     max_patches += _SIDES * int(room.max())
     longest = max(lattice.shape)
     cells = _Cells(lattice, longest)
-    for voxels in np.unique(np.ceil(longest / np.geomspace(1.0, 64.0, 49)))[::-1]:
+    steps = int(np.ceil(_CELL_SIZES * np.log2(longest))) + 1
+    divisions = 2.0 ** (np.arange(steps) / _CELL_SIZES)
+    for voxels in np.unique(np.ceil(longest / divisions))[::-1]:
         finer = _Cells(lattice, int(voxels))
         if len(np.unique(finer.codes(position, normal, rooms))) > max_patches:
             break

@@ -12,6 +12,7 @@ bodies share the lines until few pairs of bodies that are apart need more; these
 lines of their own.
 """
 
+import time
 from collections.abc import Callable
 from itertools import combinations
 from typing import Any, NamedTuple, TypeVar
@@ -22,7 +23,6 @@ from jaxtyping import Float
 from scipy.sparse import csr_array, diags_array
 
 from ...errors import InputError
-from ...host_memory import require_memory
 from ...memo.stored import stored_search
 from .global_lines import (
     LineSums,
@@ -33,6 +33,7 @@ from .global_lines import (
 )
 from .line_hits import LineScene
 from .patches import PatchedBody
+from .sampling_cost import SamplingCost
 
 
 DEFAULT_DIRECTIONS = 128
@@ -42,9 +43,6 @@ _MAX_SCALINGS = 200
 
 # Pairs of bodies with lines of their own: with more of them, all share more lines.
 _MAX_CONES = 8
-
-# Memory for each pair of patches that see each other, while sums are merged [bytes].
-_BYTES_PER_PAIR = 64
 
 
 class ViewFactors(NamedTuple):
@@ -93,8 +91,8 @@ def view_factors(
             f"view factors: directions={directions}, lines={lines}; "
             "give 8 or more of both"
         )
-    _check_memory(bodies, directions)
     scene = LineScene.of_bodies(bodies)
+    SamplingCost.of_scene(scene, lines).require(directions)
     sums = sample_all_directions(scene, directions, lines)
     pairs = list(combinations(range(len(bodies)), 2))
     cones = []
@@ -106,18 +104,6 @@ def view_factors(
         if cone is not None
     }
     return _with_pairs(_exchange_areas(bodies, sums), seen=seen, bodies=bodies)
-
-
-def _check_memory(bodies: tuple[PatchedBody, ...], directions: int) -> None:
-    """Refuse view factors that do not fit into memory, before the first line."""
-    count = sum(body.patches.count for body in bodies)
-    # A convex patch has about two lines in each pair of opposite directions.
-    pairs = min(count**2, 2 * count * directions)
-    require_memory(
-        _BYTES_PER_PAIR * pairs,
-        f"view factors of {count} patches",
-        "give fewer `max_patches` or `directions`",
-    )
 
 
 def _exchange_areas(bodies: tuple[PatchedBody, ...], lines: LineSums) -> ViewFactors:
@@ -222,6 +208,10 @@ class Sampling(NamedTuple):
     """Number of patches of all bodies."""
     row_error: float = 0.0
     """Root of the mean square of the sums of rows as sampled, less 1 [-]."""
+    lines: float = 0.0
+    """Number of lines between surfaces that all bodies share, about [-]."""
+    fits: bool = True
+    """False if more directions than these do not fit into memory."""
 
     @property
     def note(self) -> str:
@@ -236,12 +226,14 @@ class Sampling(NamedTuple):
         if np.isnan(self.error):
             return f"{factors}, as given; their error is not estimated"
         estimate = f"{factors}, with an estimated error of {100 * self.error:.2g} %"
+        if self.lines:
+            estimate = f"{estimate} by about {self.lines:.2g} lines"
         if self.error <= self.limit:
             return estimate
-        return (
-            f"{estimate}, more than the {100 * self.limit:.2g} % asked for: "
-            "give more `max_directions`"
-        )
+        remedy = "give more `max_directions`"
+        if not self.fits:
+            remedy = "more directions do not fit into memory: give fewer `max_patches`"
+        return f"{estimate}, more than the {100 * self.limit:.2g} % asked for: {remedy}"
 
     def of(self, views: ViewFactors) -> "Sampling":
         """The same with the sums of the rows of view factors."""
@@ -264,10 +256,20 @@ def refined_view_factors(
     """
     cones = _Cones(bodies)
     line_scene = LineScene.of_bodies(bodies)
+    cost = SamplingCost.of_scene(line_scene, lines)
+    least = min(_FIRST * 2**_DOUBLINGS, max_directions)
+    cost.require(least)
+    affordable = max_directions
+    while affordable > least and not cost.fits(affordable):
+        affordable = max(affordable // 2, least)
 
     def shared(count: int) -> LineSums:
-        _check_memory(bodies, count)
-        return sample_all_directions(line_scene, count, lines)
+        clock = time.perf_counter()
+        sums = sample_all_directions(line_scene, count, lines)
+        if count == _FIRST:
+            seconds = time.perf_counter() - clock
+            cost.tell(count, seconds=seconds, least=least, most=affordable)
+        return sums
 
     scene = _refine(
         shared,
@@ -275,7 +277,7 @@ def refined_view_factors(
             _differences(bodies, coarse=coarse, fine=fine), 2 * error
         ),
         error=error,
-        max_directions=max_directions,
+        max_directions=affordable,
     )
     refined = [scene]
     seen = {}
@@ -287,7 +289,8 @@ def refined_view_factors(
             difference=lambda coarse, fine, cone=cone: _pair_difference(
                 bodies, coarse=coarse, fine=fine, cone=cone
             ),
-            error=error,
+            # The others set the error where their lines did not reach the limit.
+            error=max(error, scene.error),
             max_directions=max_directions,
         )
         seen[cone.pair] = pair.mean
@@ -298,6 +301,9 @@ def refined_view_factors(
         directions=max(sample.directions for sample in refined),
         error=max(sample.error for sample in refined),
         limit=error,
+        # All numbers of directions up to the last one, by two surfaces of each line.
+        lines=cost.hits * (2 * scene.directions - _FIRST) / 4,
+        fits=affordable == max_directions,
     )
     return factors, sampling.of(factors)
 
