@@ -184,6 +184,10 @@ _FIRST = 16
 # Doublings before an estimate is trusted: a single difference may be small by chance.
 _DOUBLINGS = 3
 
+# Directions of all bodies from which single pairs have lines of their own: below, twice
+# as many directions for all bodies cost less.
+_FIRST_CONES = 512
+
 # Estimates below this leave nothing to refine, such as those of a convex body alone.
 _NEGLIGIBLE = 1e-9
 
@@ -263,7 +267,10 @@ def refined_view_factors(
     while affordable > least and not cost.fits(affordable):
         affordable = max(affordable // 2, least)
 
+    sampled: list[int] = []
+
     def shared(count: int) -> LineSums:
+        sampled.append(count)
         clock = time.perf_counter()
         sums = sample_all_directions(line_scene, count, lines)
         if count == _FIRST:
@@ -271,11 +278,15 @@ def refined_view_factors(
             cost.tell(count, seconds=seconds, least=least, most=affordable)
         return sums
 
+    def unresolved(coarse: LineSums, fine: LineSums) -> float:
+        differences = _differences(bodies, coarse=coarse, fine=fine)
+        if sampled[-1] < _FIRST_CONES:
+            return differences[0].value
+        return cones.unresolved(differences, 2 * error)
+
     scene = _refine(
         shared,
-        difference=lambda coarse, fine: cones.unresolved(
-            _differences(bodies, coarse=coarse, fine=fine), 2 * error
-        ),
+        difference=unresolved,
         error=error,
         max_directions=affordable,
     )
