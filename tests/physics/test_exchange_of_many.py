@@ -207,29 +207,25 @@ def test_faces_in_one_patch_need_no_look_up():
 def test_lines_are_told_before_they_are_sampled():
     """The forecast of surfaces that lines meet is the number that they meet."""
     body = in_patches(CUBE, 600)
-    cost = SamplingCost.of_scene(LineScene.of_bodies((body,)), None)
-    spacing = body.line_spacing(None)
-    assert cost.hits == pytest.approx(6.0 / 2 / min(spacing, np.sqrt(1.5 / 4096)) ** 2)
-    _, sampling = refined_view_factors((body,), 0.05)
-    met = refined_lines((body,), sampling.directions)
-    assert sampling.lines == pytest.approx(met, rel=0.03)
-
-
-def refined_lines(bodies, directions):
-    """Lines between surfaces and the surroundings, in all samples up to the last."""
-    scene = LineScene.of_bodies(bodies)
-    sums = sample_all_directions(scene, directions, None)
-    pixel = bundles_of(scene, None).bundles[0].pixel
-    # Each line of a convex body meets it twice, once in its sky and once below it.
-    each_way = 2 / (directions // 2) * pixel**2
-    lines = (sums.sky.sum() + sums.ground.sum()) / 2 / each_way
-    return lines * (2 * directions - 16) / directions
+    scene = LineScene.of_bodies((body,))
+    cost = SamplingCost.of_scene(scene, None)
+    (bundle,) = bundles_of(scene, None).bundles
+    for directions in (32, 512):
+        sums = sample_all_directions(scene, directions, None)
+        # Each line of a convex body meets it twice, once in its sky and once below it.
+        pixel = bundle.spacing(directions)
+        each_way = 2 / (directions // 2) * pixel**2
+        met = (sums.sky.sum() + sums.ground.sum()) / each_way
+        assert cost.hits(directions) == pytest.approx(met, rel=0.03)
+    # Lines are never fewer than those that all bodies need.
+    assert bundle.spacing(2**16) == pytest.approx(np.sqrt(6.0 / 4 / 4096))
+    assert cost.lines(16, 64) == sum(map(cost.hits, (16, 32, 64))) / 2
 
 
 def test_long_samples_are_told_at_once(monkeypatch):
-    monkeypatch.setattr(sampling_cost, "_MANY_HITS", 1e3)
+    monkeypatch.setattr(sampling_cost, "_MANY_LINES", 1e3)
     body = in_patches(CUBE, 24)
-    with pytest.warns(LongComputation, match="view factors of 24 patches: 16 direct"):
+    with pytest.warns(LongComputation, match="24 patches: .* lines in 128"):
         refined_view_factors((body,), 0.05)
 
 

@@ -15,7 +15,7 @@ Forum 12(3) (1993).
 """
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import islice
@@ -67,7 +67,7 @@ class LineSums(NamedTuple):
         return np.where(total > 0, free / np.where(total > 0, total, 1.0), 1.0)
 
 
-class _Bundle(NamedTuple):
+class Bundle(NamedTuple):
     """Parallel lines at one distance from each other."""
 
     number: int
@@ -77,12 +77,27 @@ class _Bundle(NamedTuple):
     """Distance between lines [m]."""
     area: float
     """Surface of its bodies [m^2]."""
+    widest: float
+    """Largest distance between lines of views in many directions [m]."""
+
+    def spacing(self, directions: int) -> float:
+        """Distance between the lines of each view, of a number of directions [m]."""
+        # A patch needs a number of lines, whatever their directions: where there are
+        # more of these, each has fewer lines.
+        thinned = self.pixel * np.sqrt(max(directions / _DENSE_DIRECTIONS, 1.0))
+        return max(self.pixel, min(thinned, self.widest))
+
+    def hits(self, directions: int) -> float:
+        """Surfaces that the lines of all directions meet, about."""
+        # Seen from all directions, the mean area of a surface is half its own; a line
+        # counts in both of its directions.
+        return directions / 2 * self.area / 2 / self.spacing(directions) ** 2
 
 
 class _Bundles(NamedTuple):
     """Bundles of lines for the bodies of a scene, the widest first."""
 
-    bundles: list[_Bundle]
+    bundles: list[Bundle]
     of_patch: Int[np.ndarray, " p"]
     """Bundle that counts what each patch exchanges with patches of no later bundle."""
 
@@ -109,11 +124,14 @@ def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> _Bundles:
     for group in (shared, *finer[:, None]):
         together = [bodies[number] for number in group]
         points = np.concatenate([body.vertices for body in together])
-        lines_of_group = _Bundle(
+        narrowest = float(pixel[group].min())
+        area = sum(float(body.patches.area.sum()) for body in together)
+        lines_of_group = Bundle(
             number=len(bundles),
             points=outline(points),
-            pixel=_dense(float(pixel[group].min()), together, lines),
-            area=sum(float(body.patches.area.sum()) for body in together),
+            pixel=_dense(narrowest, area, lines),
+            area=area,
+            widest=narrowest if lines else _dense(np.inf, area, None),
         )
         bundles.append(lines_of_group)
     counts = [body.patches.count for body in bodies]
@@ -124,14 +142,16 @@ def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> _Bundles:
 # it has a bundle of its own.
 _FINE = 0.25
 
+# Directions up to which every view has all lines that its patches need.
+_DENSE_DIRECTIONS = 128
+
 # Least number of lines that meet convex bodies in one view.
 _MIN_LINES = 4096
 
 
-def _dense(pixel: float, bodies: Sequence[PatchedBody], lines: int | None) -> float:
-    """Distance between lines at which enough of them meet some bodies [m]."""
+def _dense(pixel: float, area: float, lines: int | None) -> float:
+    """Distance between lines at which enough of them meet a surface [m]."""
     # Seen from all directions, the mean area of a convex body is a quarter of its own.
-    area = sum(float(body.patches.area.sum()) for body in bodies)
     return min(pixel, np.sqrt(area / 4 / _MIN_LINES)) if lines is None else pixel
 
 
@@ -177,7 +197,7 @@ def sample_all_directions(
         ground=np.zeros(scene.count),
     )
     for bundle in bundles:
-        pixel = bundle.pixel
+        pixel = bundle.spacing(directions)
         weight = 2 / half * pixel * pixel
         waiting: list[Segments] = []
         extent = float(np.linalg.norm(np.ptp(bundle.points, axis=0)))
@@ -197,7 +217,7 @@ def sample_all_directions(
 
 
 def _of_bundle(
-    segments: Segments, of_patch: Int[np.ndarray, " p"], bundle: _Bundle
+    segments: Segments, of_patch: Int[np.ndarray, " p"], bundle: Bundle
 ) -> Segments:
     """Lines that a bundle counts: those from and to its own patches."""
     # Two patches exchange along the lines of the finer bundle of both.
@@ -287,7 +307,10 @@ def sample_pair(
     """
     bodies = scene.bodies
     both = [bodies[number] for number in cone.pair]
-    pixel = min(_dense(body.line_spacing(lines), [body], lines) for body in both)
+    pixel = min(
+        _dense(body.line_spacing(lines), float(body.patches.area.sum()), lines)
+        for body in both
+    )
     weight = 2 * (1 - cone.min_cosine) / directions * pixel * pixel
     ahead = cap_directions(cone.axis, cone.min_cosine, directions)
     number = np.repeat(np.arange(len(bodies)), [b.patches.count for b in bodies])

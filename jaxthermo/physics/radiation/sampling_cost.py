@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ...errors import InputError, LongComputation
 from ...host_memory import readable_bytes, require_memory
-from .global_lines import bundles_of
+from .global_lines import Bundle, bundles_of
 from .line_hits import LineScene
 
 
@@ -15,25 +15,32 @@ _BYTES_PER_PAIR = 64
 # Memory of one surface that a line meets, while a drawing is made [bytes].
 _BYTES_PER_HIT = 400
 
-# Surfaces that lines meet, from which the user is told how long they take.
-_MANY_HITS = 2e7
+# Number of lines from which the user is told how long they take.
+_MANY_LINES = 1e7
 
 
 class SamplingCost(NamedTuple):
     """What view factors of a scene cost, by the number of directions."""
 
     patches: int
-    hits: float
-    """Surfaces that the lines of two opposite directions meet."""
+    bundles: list[Bundle]
 
     @classmethod
     def of_scene(cls, scene: LineScene, lines: int | None) -> "SamplingCost":
         """The cost of a scene; `lines` as in `view_factors`."""
-        hits = 0.0
-        for bundle in bundles_of(scene, lines).bundles:
-            # Seen from all directions, the mean area of a surface is half its own.
-            hits += bundle.area / 2 / bundle.pixel**2
-        return cls(patches=scene.count, hits=hits)
+        return cls(patches=scene.count, bundles=bundles_of(scene, lines).bundles)
+
+    def hits(self, directions: int) -> float:
+        """Surfaces that the lines of a number of directions meet."""
+        return sum(bundle.hits(directions) for bundle in self.bundles)
+
+    def lines(self, first: int, last: int) -> float:
+        """Lines between surfaces, for doubled numbers of directions up to the last."""
+        counts = [first]
+        while counts[-1] < last:
+            counts.append(2 * counts[-1])
+        # Each line leads from one surface to the next.
+        return sum(map(self.hits, counts)) / 2
 
     @property
     def _task(self) -> str:
@@ -42,8 +49,9 @@ class SamplingCost(NamedTuple):
     def bytes_for(self, directions: int) -> int:
         """Memory for a number of directions [bytes]."""
         # Lines lead from one surface to the next; both patches have an entry for it.
-        pairs = min(float(self.patches) ** 2, self.hits * directions / 2)
-        return int(_BYTES_PER_PAIR * pairs + _BYTES_PER_HIT * self.hits)
+        hits = self.hits(directions)
+        pairs = min(float(self.patches) ** 2, hits)
+        return int(_BYTES_PER_PAIR * pairs + _BYTES_PER_HIT * hits / directions)
 
     def require(self, directions: int) -> None:
         """Refuse directions that do not fit into memory, before the first line.
@@ -74,15 +82,15 @@ class SamplingCost(NamedTuple):
             least: number of directions after which sampling may end.
             most: number of directions at which it ends at the latest.
         """
-        if self.hits * least / 2 < _MANY_HITS:
+        lines = self.lines(sampled, least)
+        if lines < _MANY_LINES:
             return
-        # All numbers of directions up to the last one have twice as many.
-        rate = 2 * seconds / sampled
+        rate = seconds / self.lines(sampled, sampled)
         warnings.warn(
-            f"{self._task}: {sampled} directions with {self.hits * sampled / 2:.2g} "
-            f"lines took {seconds:.2g} s; {least} take about {rate * least:.2g} s and "
-            f"{readable_bytes(self.bytes_for(least))}, and the error may require up to "
-            f"{most}, which take {rate * most:.2g} s; `max_patches` and `error` set "
+            f"{self._task}: {lines:.2g} lines in {least} directions take about "
+            f"{rate * lines:.2g} s and {readable_bytes(self.bytes_for(least))}; the "
+            f"error may require up to {most} directions, which take "
+            f"{rate * self.lines(sampled, most):.2g} s; `max_patches` and `error` set "
             "their number",
             LongComputation,
             stacklevel=2,

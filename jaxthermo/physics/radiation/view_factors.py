@@ -312,8 +312,7 @@ def refined_view_factors(
         directions=max(sample.directions for sample in refined),
         error=max(sample.error for sample in refined),
         limit=error,
-        # All numbers of directions up to the last one, by two surfaces of each line.
-        lines=cost.hits * (2 * scene.directions - _FIRST) / 4,
+        lines=cost.lines(_FIRST, scene.directions),
         fits=affordable == max_directions,
     )
     return factors, sampling.of(factors)
