@@ -4,8 +4,6 @@ Fragments that face different spaces never share a patch: the outside, a closed 
 or the other face of a thin wall.
 """
 
-import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,6 +18,7 @@ from ...sheets.sheet_grid import SheetGrid
 from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.cavities import Cavities
 from ...voxels.lattice import Lattice
+from .patch_codes import CodedPatches, PatchesByCode
 
 
 # Sides that a fragment may face: up or down its dominant axis.
@@ -252,7 +251,7 @@ class SolidPatches(NamedTuple):
     """Smallest code of each face."""
     lowest: Int[np.ndarray, " b"]
     """Smallest code of each body."""
-    by_code: "_PatchesByCode"
+    by_code: PatchesByCode
 
     @classmethod
     def of_bodies(
@@ -301,8 +300,8 @@ class SolidPatches(NamedTuple):
             period=np.array([grid.period for grid in grids]),
             base=np.concatenate(base),
             lowest=np.array(lowest_codes),
-            by_code=_PatchesByCode(
-                _CodedPatches(np.concatenate(codes), np.concatenate(numbers))
+            by_code=PatchesByCode(
+                CodedPatches(np.concatenate(codes), np.concatenate(numbers))
             ),
         )
 
@@ -359,7 +358,7 @@ class SolidPatches(NamedTuple):
     ) -> Int[np.ndarray, " n"]:
         """Patch of each code; cells without one have the nearest patch."""
 
-        def nearest(missing: Int[np.ndarray, " m"]) -> _CodedPatches:
+        def nearest(missing: Int[np.ndarray, " m"]) -> CodedPatches:
             unknown, first = np.unique(code[missing], return_index=True)
             within = body[missing[first]]
             patch = np.zeros(len(unknown), int)
@@ -368,55 +367,9 @@ class SolidPatches(NamedTuple):
                 patches = self.bodies[number].patches
                 local = patches.nearest(unknown[lost] - self.lowest[number])
                 patch[lost] = self.first[number] + local
-            return _CodedPatches(unknown, patch)
+            return CodedPatches(unknown, patch)
 
         return self.by_code.patches(code, nearest)
-
-
-class _CodedPatches(NamedTuple):
-    """Patches of some codes, which increase."""
-
-    code: Int[np.ndarray, " p"]
-    patch: Int[np.ndarray, " p"]
-
-    def slot(self, code: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-        """Place of each code, or of any other if it is missing."""
-        return np.minimum(np.searchsorted(self.code, code), len(self.code) - 1)
-
-    def joined(self, other: "_CodedPatches") -> "_CodedPatches":
-        """These and others; of two with one code the first counts."""
-        both = np.append(self.code, other.code)
-        code, first = np.unique(both, return_index=True)
-        return _CodedPatches(code, np.append(self.patch, other.patch)[first])
-
-
-class _PatchesByCode:
-    """Patch of each code; codes without a patch of their own are added when met."""
-
-    def __init__(self, known: _CodedPatches):
-        # One value, so that no thread reads codes with the patches of others.
-        self._known = known
-        self._adding = threading.Lock()
-
-    def patches(
-        self,
-        code: Int[np.ndarray, " n"],
-        find: Callable[[Int[np.ndarray, " m"]], _CodedPatches],
-    ) -> Int[np.ndarray, " n"]:
-        """Patch of each code.
-
-        `find` returns new codes and their patches from the indices of codes without.
-        """
-        known = self._known
-        slot = known.slot(code)
-        missing = np.flatnonzero(known.code[slot] != code)
-        if not len(missing):
-            return known.patch[slot]
-        added = find(missing)
-        with self._adding:
-            known = self._known.joined(added)
-            self._known = known
-        return known.patch[known.slot(code)]
 
 
 def _to_cells(body: PatchedBody) -> Float[np.ndarray, "3 3"]:
