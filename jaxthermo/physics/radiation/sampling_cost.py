@@ -20,7 +20,7 @@ _MANY_LINES = 1e7
 
 
 class SamplingCost(NamedTuple):
-    """What view factors of a scene cost, by the number of directions."""
+    """Lines, memory and time of the view factors of a scene."""
 
     patches: int
     bundles: list[Bundle]
