@@ -68,7 +68,7 @@ def _write_vtu(run: _Run, folder: Path) -> int:
     files = []
     for time in run.times:
         name = f"surface_{time.name}.vtu"
-        write_vtu(folder / name, run.stored, time.index)
+        write_vtu(folder / name, run.stored, time.index, names=run.names)
         files.append((time.seconds, name))
     write_pvd(folder / "surface.pvd", files)
     return len(files) + 1

@@ -135,7 +135,7 @@ def _stack_table(stacks: list[tuple[LayerRow, ...]]) -> Table:
         for layers in stacks
         for number, layer in enumerate(layers)
     ]
-    heads = ("stack", "layers, from the top down", "m", "what it is")
+    heads = ("stack", "layers, from the front", "m", "what it is")
     return Table(heads, lines, left=(0, 1, 3), framed=False)
 
 

@@ -1,4 +1,4 @@
-"""Stacks of layers of the ground by name: `stacks["asphalt"]`."""
+"""Stacks of layers by name, those of the ground and of clothes: `stacks["asphalt"]`."""
 
 import csv
 import functools
@@ -40,7 +40,7 @@ class LayerRow:
 
 @functools.cache
 def stack_rows() -> dict[str, tuple[LayerRow, ...]]:
-    """Layers of all named stacks, from the top down, by the name of the stack."""
+    """Layers of all named stacks, from the top or front, by the name of the stack."""
     rows: dict[str, tuple[LayerRow, ...]] = {}
     with _TABLE.open(encoding="utf-8", newline="") as lines:
         for line in csv.DictReader(lines):
@@ -75,7 +75,7 @@ def wave_amplitude(layers: Sequence[Layer], period: float = DAY) -> float:
 
 
 class _StackTable(AbstractNamedTable[tuple[Layer, ...]]):
-    """Mapping of names to stacks of layers, each from the top down."""
+    """Mapping of names to stacks of layers, each from the top or the front."""
 
     def __getitem__(self, name: str) -> tuple[Layer, ...]:
         rows = stack_rows()

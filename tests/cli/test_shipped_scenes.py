@@ -13,6 +13,10 @@ SCENES = Path(__file__).parents[2] / "configs" / "scenes"
 COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
 
 
+def _numbered(mechanism, count):
+    return (mechanism, *(f"{mechanism}#{n}" for n in range(2, count + 1)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "changes", "mechanisms"),
@@ -34,6 +38,12 @@ COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
                  "outdoors.occlusion=16", "time={end: 9 h, save_every: 3 h}"),
          {"sun", "diffuse_sky", "emission", "convection", "heat_source",
           "interior_air", "fixed_temperature"}),
+        ("street", ("bodies.0.sheet.pitch=60 cm", "bodies.12.sheet.pitch=1 m",
+                    "bodies.19.sheet.pitch=2 m", "outdoors.occlusion=16",
+                    "time={end: 2 h, save_every: 1 h}"),
+         {"sun", "diffuse_sky", "emission", "convection", "convection#2",
+          "heat_flux", "heat_source", *_numbered("interior_air", 4),
+          *_numbered("fixed_temperature", 4)}),
     ],
 )  # fmt: skip
 def test_it_runs(out, name, changes, mechanisms):
@@ -44,7 +54,7 @@ def test_it_runs(out, name, changes, mechanisms):
     assert set(summary["receipt"]["included"]) == {"conduction", *mechanisms}
     assert np.abs(summary["energy"]["residual_relative"]).max() < 1e-5
     assert [air["inside_body"] for air in summary["airs"]] == (
-        [0] if "interior_air" in mechanisms else []
+        [3 * n for n in range(sum("interior_air" in name for name in mechanisms))]
     )
     through = [heat for key, heat in summary["energy"].items() if "contact" in key]
     assert bool(through) == ("contact" in mechanisms)

@@ -117,7 +117,14 @@ class _Sphere(Model, builds="shapes.sphere", kind="sphere"):
     radius: si.PositiveLength
 
 
-class _Cylinder(Model, builds="shapes.cylinder", kind="cylinder"):
+class _Round(Model):
+    """A shape that is round about z, of flat faces."""
+
+    sections: Annotated[si.Whole, Field(ge=6, le=1000)] | None = None
+    """Number of flat sides around it; 64 if not given."""
+
+
+class _Cylinder(_Round, builds="shapes.cylinder", kind="cylinder"):
     """An upright cylinder."""
 
     radius: si.PositiveLength
@@ -160,7 +167,7 @@ class PoseConfig(Model, builds="Pose"):
         )
 
 
-class _Tube(Model, builds="shapes.tube", kind="tube"):
+class _Tube(_Round, builds="shapes.tube", kind="tube"):
     """An upright tube, open at both ends."""
 
     radius: si.PositiveLength
@@ -174,7 +181,7 @@ class _Tube(Model, builds="shapes.tube", kind="tube"):
         return [] if self.inner_radius < self.radius else [(("inner_radius",), message)]
 
 
-class _Cone(Model, builds="shapes.cone", kind="cone"):
+class _Cone(_Round, builds="shapes.cone", kind="cone"):
     """An upright cone with its tip up, or cut off at a smaller radius."""
 
     radius: si.PositiveLength
@@ -183,7 +190,7 @@ class _Cone(Model, builds="shapes.cone", kind="cone"):
     """Radius of the upper end [m]; pointed if not given."""
 
 
-class _Capsule(Model, builds="shapes.capsule", kind="capsule"):
+class _Capsule(_Round, builds="shapes.capsule", kind="capsule"):
     """An upright rod with round ends."""
 
     radius: si.PositiveLength
@@ -196,7 +203,7 @@ class _Capsule(Model, builds="shapes.capsule", kind="capsule"):
         return [] if self.height >= 2 * self.radius else [(("height",), message)]
 
 
-class _Hemisphere(Model, builds="shapes.hemisphere", kind="hemisphere"):
+class _Hemisphere(_Round, builds="shapes.hemisphere", kind="hemisphere"):
     """Half of a ball, its flat side down."""
 
     radius: si.PositiveLength
@@ -229,7 +236,7 @@ class _Rectangle(Model, builds="shapes.rectangle", kind="rectangle"):
     """Edge along y [m]."""
 
 
-class _Disc(Model, builds="shapes.disc", kind="disc"):
+class _Disc(_Round, builds="shapes.disc", kind="disc"):
     """A round flat surface with its front up, for a sheet."""
 
     radius: si.PositiveLength
@@ -242,7 +249,7 @@ class _Polygon(Model, builds="shapes.polygon", kind="polygon"):
     """Corners, counter-clockwise seen from the front [m]."""
 
 
-class _Pipe(Model, builds="shapes.pipe", kind="pipe"):
+class _Pipe(_Round, builds="shapes.pipe", kind="pipe"):
     """The side of an upright cylinder, its front outside, for a sheet."""
 
     radius: si.PositiveLength

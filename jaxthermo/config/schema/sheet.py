@@ -58,7 +58,7 @@ _Stack = Annotated[
     Annotated[_StackName, Tag("<name>")] | Annotated[_LayerList, Tag("<list>")],
     Discriminator(_name_or_list),
 ]
-"""Layers from the front to the back, or the name of a stack of the ground."""
+"""Layers from the front to the back, or the name of a stack."""
 
 
 def _stack_or_parts(value: Any) -> str:

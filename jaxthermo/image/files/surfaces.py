@@ -130,19 +130,27 @@ def temperature_scale(
     return coldest, hottest
 
 
-def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
+def write_vtu(
+    path: str | Path,
+    solution: _Solved,
+    index: int = -1,
+    *,
+    names: Sequence[str] = (),
+) -> None:
     """Write the surfaces of all bodies at a saved time for ParaView.
 
     Points, in the world [m], have `temperature_K`, `emissivity`, `Normals`, and the
-    `surface_outputs` of the scene; cells have the number of their `body`. Temperatures
-    are those of an image at the same points; edges are at most two voxels long. A thin
-    wall is there once, with the values of its front; if there is one, `_back` before
-    the unit marks those of the back, `temperature_back_K`, which for solids are equal.
+    `surface_outputs` of the scene; cells have the number of their `body`, which the
+    field data have under its name. Temperatures are those of an image at the same
+    points; edges are at most two voxels long. A thin wall is there once, with the
+    values of its front; if there is one, `_back` before the unit marks those of the
+    back, `temperature_back_K`, which for solids are equal.
 
     Args:
         path: of the file.
         solution: from `simulate` or `steady`.
         index: index of the saved time.
+        names: of the bodies; their own, or their numbers, if none are given.
 
     Raises:
         InputError: if the file cannot be written.
@@ -173,7 +181,14 @@ def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
         point_data=values,
         cell_data=cells,
         time=time,
+        names=names or _names(solution),
     )
+
+
+def _names(solution: _Solved) -> list[str]:
+    """Names of the bodies, or their numbers where they have none."""
+    bodies = [surface.geometry.name for surface in solution.surfaces]
+    return [name or f"body{number}" for number, name in enumerate(bodies)]
 
 
 def _mesh(geometry: BodyGeometry) -> _VertexMesh:
@@ -238,7 +253,7 @@ def write_glb(
         low: temperature of the first colour [K]; the least if None.
         high: temperature of the last colour [K]; the largest if None.
         palette: name of the palette.
-        names: of the bodies; their numbers if none are given.
+        names: of the bodies; their own, or their numbers, if none are given.
 
     Raises:
         InputError: for an unknown palette or a scale that is not in order, or if the
@@ -248,8 +263,9 @@ def write_glb(
     time = float(solution.times[index])
     kelvin = np.asarray(solution.surface_temperature[index], float)
     drawn = []
-    pairs = zip(solution.surfaces, body_rows(solution), strict=True)
-    for number, (surface, rows) in enumerate(pairs):
+    names = names or _names(solution)
+    bodies = zip(names, solution.surfaces, body_rows(solution), strict=True)
+    for name, surface, rows in bodies:
         mesh = _mesh(surface.geometry)
         vertices = mesh.vertices
         normals = mesh.normals
@@ -267,7 +283,6 @@ def write_glb(
             "COLOR_0": linear_colours(colours),
             "_TEMPERATURE": values,
         }
-        name = names[number] if names else f"body{number}"
         pose = surface.geometry.pose.at(time)
         drawn.append(GltfMesh(name=name, pose=pose, faces=faces, attributes=attributes))
     notes = {"time_s": time, "palette": palette, "low_K": low, "high_K": high}

@@ -26,6 +26,7 @@ def write_triangles(
     point_data: Mapping[str, np.ndarray],
     cell_data: Mapping[str, np.ndarray],
     time: float | None = None,
+    names: Sequence[str] = (),
 ) -> None:
     """Write triangles with values at their points and in their cells.
 
@@ -36,6 +37,7 @@ def write_triangles(
         point_data: a value or a vector of each point, by a name with its unit.
         cell_data: a value or a vector of each face, by name.
         time: of the values [s].
+        names: of the bodies, in the order of their numbers: a field each.
 
     Raises:
         InputError: if the file cannot be written.
@@ -46,13 +48,15 @@ def write_triangles(
         "offsets": offsets,
         "types": np.full(len(faces), _TRIANGLE, np.uint8),
     }
-    when = {} if time is None else {"TimeValue": np.array([time])}
+    fields = {name: np.array([number]) for number, name in enumerate(names)}
+    if time is not None:
+        fields["TimeValue"] = np.array([time])
     lines = [
         '<?xml version="1.0"?>',
         '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
         'header_type="UInt64">',
         "<UnstructuredGrid>",
-        *_section("FieldData", when, ' NumberOfTuples="1"'),
+        *_section("FieldData", fields, ' NumberOfTuples="1"'),
         f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(faces)}">',
         *_section("Points", {"Points": np.asarray(points, np.float32)}),
         *_section("Cells", cells),

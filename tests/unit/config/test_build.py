@@ -9,7 +9,7 @@ import pytest
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.config.loader import load_config
 from jaxthermo.config.schema.body import BodyConfig
-from jaxthermo.config.schema.geometry import PoseConfig
+from jaxthermo.config.schema.geometry import PartsShape, PoseConfig
 from jaxthermo.config.schema.image import OrthographicConfig, PinholeConfig
 from jaxthermo.config.schema.material import _MaterialConfig
 from jaxthermo.geometry import shapes
@@ -88,6 +88,25 @@ def test_shapes_have_their_volume(shape, volume):
     )
     grid = config.build().structure.grid
     assert grid.mesh.volume == pytest.approx(volume, rel=0.02)
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "capsule", "tube", "pipe", "disc"])
+def test_round_shapes_have_the_sections_that_are_given(kind):
+    """As many corners lie farthest from the axis at one height as there are sides."""
+    keys = {"radius": 0.05}
+    keys |= {} if kind == "disc" else {"height": 0.2}
+    keys |= {"inner_radius": 0.02} if kind == "tube" else {}
+    for sections, stated in ((64, {}), (12, {"sections": 12})):
+        shape = PartsShape.model_validate(
+            {
+                "kind": "parts",
+                "parts": {"round": {"shape": {"kind": kind, **keys, **stated}}},
+            }
+        )
+        vertices = shape.build().vertices
+        radius = np.hypot(*vertices[:, :2].T)
+        rim = vertices[radius > radius.max() * (1 - 1e-9)]
+        assert len(rim) / len(np.unique(rim[:, 2].round(9))) == sections
 
 
 def test_a_rotation_turns_anticlockwise_about_its_axis():

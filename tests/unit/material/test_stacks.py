@@ -11,6 +11,9 @@ from jaxthermo.material.layer import Layer
 from jaxthermo.material.stacks import DAY, stack_rows, stacks, wave_amplitude
 
 
+OF_GROUND = ("soil", "asphalt", "concrete_on_soil", "grass")
+
+
 def exact_amplitude(layers, period):
     """Amplitude below layers on a half space of the lowest material, over the top's.
 
@@ -33,7 +36,7 @@ def exact_amplitude(layers, period):
     return 1.0 / abs(state[0])
 
 
-@pytest.mark.parametrize("name", list(stacks))
+@pytest.mark.parametrize("name", OF_GROUND)
 def test_the_day_does_not_reach_below_a_stack(name):
     layers = stacks[name]
     decays = [
@@ -70,6 +73,12 @@ def test_layers_come_from_the_top_down():
     assert (grass.material.emissivity, grass.material.absorptivity) == (0.95, 0.8)
 
 
+def test_clothes_have_the_resistance_of_their_garments():
+    """Trousers and a shirt with long sleeves: 0.61 clo of 0.155 m^2 K/W (ASHRAE 55)."""
+    resistance = sum(layer.resistance for layer in stacks["light_clothing"])
+    assert resistance == pytest.approx(0.61 * 0.155, rel=5e-3)
+
+
 def test_every_layer_has_a_source_and_a_material():
     for name, rows in stack_rows().items():
         for row in rows:
@@ -81,8 +90,8 @@ def test_every_layer_has_a_source_and_a_material():
 def test_the_table_is_a_mapping():
     assert jt.stacks is stacks
     assert isinstance(stacks, Mapping)
-    assert list(stacks) == ["soil", "asphalt", "concrete_on_soil", "grass"]
-    assert len(stacks) == 4
+    assert list(stacks) == [*OF_GROUND, "light_clothing"]
+    assert len(stacks) == 5
     assert "soil" in stacks and "mud" not in stacks
     assert stacks.get("mud") is None
     assert stacks.get("soil") == stacks["soil"]

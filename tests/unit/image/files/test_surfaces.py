@@ -47,6 +47,18 @@ def test_bodies_are_at_their_places_with_all_outputs(moving, tmp_path):
     assert (np.einsum("vi,vi->v", away, values["Normals"][warm]) > 0).all()
 
 
+def test_names_are_in_both_files(moving, tmp_path):
+    jt.write_vtu(tmp_path / "end.vtu", moving, names=("tyre", "Dach ü"))
+    read = meshio.read(tmp_path / "end.vtu")
+    assert read.field_data == {"tyre": [0], "Dach ü": [1], "TimeValue": [10.0]}
+    jt.write_vtu(tmp_path / "plain.vtu", moving)
+    read = meshio.read(tmp_path / "plain.vtu")
+    assert read.field_data.keys() == {"body0", "body1", "TimeValue"}
+    jt.write_glb(tmp_path / "plain.glb", moving)
+    scene = trimesh.load_scene(tmp_path / "plain.glb", process=False)
+    assert {*scene.graph.nodes_geometry} == {"body0", "body1"}
+
+
 def test_glb_has_the_pose_of_its_time(moving, tmp_path):
     for index, middle in ((0, 0.02), (1, 0.2)):
         jt.write_glb(tmp_path / "one.glb", moving, index, names=("rests", "moves"))
