@@ -5,6 +5,7 @@ import numpy as np
 
 from jaxthermo.geometry.mesh import Mesh, Pose
 from jaxthermo.geometry.shapes import box, sphere
+from jaxthermo.physics.occluder import Occluder
 from jaxthermo.physics.radiation.patches import PatchedBody, group_patches
 from jaxthermo.physics.radiation.source import AbstractSource
 from jaxthermo.physics.surface import Binding, BodySurface, Surface
@@ -37,8 +38,8 @@ def surface_of(grid: VoxelGrid, pose=STANDING, obstacles=(), emissivity=0.8, bod
         natural=np.ones(count, bool),
         emissivity=np.asarray(emissivity),
         absorptivity=np.asarray(1.0),
-        scene_triangles=np.concatenate(
-            [pose.to_world(grid.mesh.triangles), *obstacles]
+        occluders=tuple(
+            map(Occluder.of_triangles, (pose.to_world(grid.mesh.triangles), *obstacles))
         ),
         dtype=np.dtype("float64"),
     )

@@ -333,6 +333,11 @@ def _are_finite(numbers: Any, shape: tuple[int, ...]) -> bool:
     return array.shape == shape and bool(np.isfinite(array).all())
 
 
+# Steps in which places of bodies, over a length, and cosines of axes are compared.
+_SAME_PLACE = 1e-6
+_SAME_TURN = 1e-9
+
+
 class Pose(Module):
     """Rigid placement of a body in the world: x -> rotation x + translation."""
 
@@ -394,6 +399,17 @@ class Pose(Module):
     def key(self) -> tuple[tuple, tuple]:
         """Its numbers, by which equal poses are recognized."""
         return self.translation, self.rotation
+
+    def relative_key(self, other: "Pose", length: float) -> tuple[tuple, tuple]:
+        """Place of another body in the frame of this one, as numbers to compare.
+
+        They are in steps of a millionth of a length [m], which rounding does not reach:
+        bodies that move together keep them.
+        """
+        offset = np.subtract(other.translation, self.translation)
+        turn = np.transpose(self.rotation) @ np.asarray(other.rotation)
+        place = np.rint(self.rotate_back(offset) / (_SAME_PLACE * length))
+        return tuple(place.tolist()), tuple(np.rint(turn / _SAME_TURN).ravel().tolist())
 
     def after(self, first: "Pose") -> "Pose":
         """The pose that places a body by another pose first, then by this one."""

@@ -1,10 +1,10 @@
 """Surface of a scene, as it is passed to terms, and the bindings that they return."""
 
 import dataclasses
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -22,9 +22,7 @@ from ..voxels.fractions import area_fractions
 from ..voxels.fragment_pieces import Facing
 from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
-
-
-_Result = TypeVar("_Result")
+from .occluder import Occluder, joined_triangles
 
 
 class Omitted(NamedTuple):
@@ -90,8 +88,8 @@ class BodySurface:
     """Fragments with a natural boundary: exposed, no temperature prescribed."""
     emissivity: Float[Values, "*#s"]
     absorptivity: Float[Values, "*#s"]
-    scene_triangles: Float[np.ndarray, "f 3 3"]
-    """Triangles of every body, world [m]: what may cast a shadow."""
+    occluders: tuple[Occluder, ...]
+    """All bodies of the scene: what may block a line of sight."""
     dtype: Any
     enclosing: Int[np.ndarray, " s"] | None = None
     """Number of the body in whose closed cavity each fragment is, -1 for none; None if
@@ -106,6 +104,11 @@ class BodySurface:
         None if there are none.
         """
         return None if self.enclosing is None else self.enclosing >= 0
+
+    @property
+    def scene_triangles(self) -> Float[np.ndarray, "f 3 3"]:
+        """Triangles of every body, world [m]; the same array in every run."""
+        return joined_triangles([occluder.triangles for occluder in self.occluders])
 
     @property
     def pitch(self) -> float:
@@ -209,36 +212,6 @@ class BodySurface:
             closed = "" if self.enclosed is None else " or lies in a closed cavity"
             return self.omitted(f"all of its surface is held at a temperature{closed}")
         return acting
-
-    def searched(
-        self,
-        search: Callable[..., _Result],
-        by: tuple[Hashable, ...] | None,
-        task: str,
-        **options: Any,
-    ) -> _Result:
-        """Result of a search from all fragments through the scene, made once.
-
-        Args:
-            search: takes triangles, positions, normals, the edges of fragments as the
-                pitch, and the options.
-            by: values on which its result depends, besides the surfaces and the pitch;
-                None if they are unknown.
-            task: its name, which ends before the body.
-            options: further arguments of the search.
-        """
-        return found(
-            (self.scene_triangles, self.position, self.normal),
-            by=None if by is None else (*by, self.pitch),
-            find=lambda: search(
-                self.scene_triangles,
-                position=self.position,
-                normal=self.normal,
-                pitch=self.grid.fragment_edge,
-                **options,
-            ),
-            search=f"{task} body {self.body}",
-        )
 
     def cover(
         self, area: Float[Values, " s"], on: AbstractSelection | None = None
@@ -420,14 +393,6 @@ def placed_surface(grid: AbstractGrid, pose: Pose) -> _PlacedSurface:
     )
 
 
-def scene_triangles(placed: list[_PlacedSurface]) -> Float[np.ndarray, "f 3 3"]:
-    """Triangles of all bodies [m]; the same array in every run, for shadows."""
-    triangles = tuple(surface.triangles for surface in placed)
-    if len(triangles) == 1:
-        return triangles[0]
-    return found(triangles, "triangles", lambda: np.concatenate(triangles))
-
-
 def enclosing_bodies(
     grids: tuple[AbstractGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
 ) -> list[Int[np.ndarray, " _"] | None]:
@@ -463,11 +428,19 @@ def _enclosing(
         for other_number, grid in enumerate(grids):
             faced = grid.fragment_cavity
             if other_number != number:
-                faced = _surrounding(
-                    around.cavities,
-                    around=poses[number],
-                    grid=grid,
-                    pose=poses[other_number],
+                pose = poses[other_number]
+                # Bodies that move together keep what is inside of them.
+                length = min(around.pitch, grid.pitch)
+                faced = found(
+                    (around, grid),
+                    ("surrounding", poses[number].relative_key(pose, length)),
+                    partial(
+                        _surrounding,
+                        around.cavities,
+                        around=poses[number],
+                        grid=grid,
+                        pose=pose,
+                    ),
                 )
             if not (faced > 0).any():
                 continue

@@ -170,6 +170,34 @@ class Motion(Module):
             )
 
 
+def moving_together(
+    poses: Sequence[tuple[Pose, ...]], length: float
+) -> tuple[tuple[int, ...], ...]:
+    """Numbers of bodies, those together that keep their places in one another.
+
+    Args:
+        poses: of all bodies at each of some times.
+        length: of which a millionth counts as the same place [m].
+    """
+    groups: dict[tuple, list[int]] = {}
+    for number, first in enumerate(poses[0]):
+        way = tuple(
+            Pose().relative_key(_displacement(first, at_time[number]), length)
+            for at_time in poses[1:]
+        )
+        groups.setdefault(way, []).append(number)
+    return tuple(map(tuple, groups.values()))
+
+
+def _displacement(first: Pose, second: Pose) -> Pose:
+    """Movement of the world with a body from one pose to another."""
+    if first.key == second.key:
+        return Pose()
+    turn = np.asarray(second.rotation) @ np.transpose(first.rotation)
+    x, y, z = (second.translation - turn @ first.translation).tolist()
+    return Pose((x, y, z), tuple(map(tuple, turn.tolist())))
+
+
 def _between(first: Pose, second: Pose, fraction: float) -> Pose:
     """The pose at a fraction of the way between two."""
     if fraction == 0 or first == second:

@@ -10,6 +10,7 @@ A sheet has no volume, only an area within the solid of another body.
 """
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -91,26 +92,37 @@ AnyOverlap = Overlap | SheetOverlap
 
 
 def find_overlaps(
-    bodies: tuple[PlacedGrid, ...], cache: dict | None = None
+    bodies: tuple[PlacedGrid, ...],
 ) -> dict[tuple[int, int], AnyOverlap]:
     """Overlaps of all pairs i < j of bodies by more than a voxel of the coarser one.
 
-    Args:
-        bodies: at their poses.
-        cache: results by pair and poses, which are read and added to.
+    Those of two bodies that move together are searched for once.
 
     Raises:
         InputError: if a body lies wholly in the solid of another one.
     """
-    cache = {} if cache is None else cache
     overlaps = {}
     for i, j in _near_pairs(bodies):
-        key = (i, j, bodies[i].pose.key, bodies[j].pose.key)
-        if key not in cache:
-            cache[key] = _overlap({i: bodies[i], j: bodies[j]}, i, j)
-        if cache[key] is not None:
-            overlaps[i, j] = cache[key]
+        overlap = bodies[i].found_with(
+            bodies[j],
+            ("overlap", i, j),
+            partial(_overlap_in_first, bodies, i, j),
+            search="overlaps of bodies",
+        )
+        if overlap is not None:
+            position = bodies[i].pose.to_world(overlap.position)
+            overlaps[i, j] = overlap._replace(position=position)
     return overlaps
+
+
+def _overlap_in_first(
+    bodies: tuple[PlacedGrid, ...], i: int, j: int
+) -> AnyOverlap | None:
+    """The overlap with its deepest point in the frame of the first body."""
+    overlap = _overlap({i: bodies[i], j: bodies[j]}, i, j)
+    if overlap is None:
+        return None
+    return overlap._replace(position=bodies[i].pose.to_body(overlap.position))
 
 
 def _near_pairs(bodies: tuple[PlacedGrid, ...]) -> list[list[int]]:

@@ -6,6 +6,7 @@ fragments that touch has one area.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -164,10 +165,15 @@ def broad_phase(
     pairs = _overlapping_pairs(
         bounds[:, 0] - margin[:, None], bounds[:, 1] + margin[:, None]
     )
-    may_touch = [
-        not _are_separated(bodies[i], bodies[j], float(margin[[i, j]].max()))
-        for i, j in pairs.tolist()
-    ]
+    may_touch = []
+    for i, j in pairs.tolist():
+        a = bodies[i]
+        b = bodies[j]
+        reach = float(margin[[i, j]].max())
+        separated = a.found_with(
+            b, ("separated", reach), partial(_are_separated, a, b, reach)
+        )
+        may_touch.append(not separated)
     return _BroadPhase(
         pairs=pairs[np.array(may_touch, bool)],
         possible=len(bodies) * (len(bodies) - 1) // 2,
@@ -234,6 +240,7 @@ def _overlapping_pairs(
     return np.stack([i[meet], j[meet]], axis=1)
 
 
+@stored_search("contacts", (ContactPairs,))
 def find_contacts(
     a: PlacedGrid, b: PlacedGrid, threshold: Scalar | None = None
 ) -> ContactPairs:
@@ -256,18 +263,27 @@ def find_contacts(
     return _contact_pairs(a, b, max_gap, second_is_a=False)
 
 
-@stored_search("contacts", (ContactPairs,))
 def contacts_between(
     bodies: tuple[PlacedGrid, ...], threshold: Scalar | None = None
 ) -> dict[tuple[int, int], ContactPairs]:
     """Contacts of all pairs i < j of bodies that touch; the broad phase comes first.
 
+    Those of two bodies that move together are searched for once.
+
     Raises:
         InputError: as `find_contacts`.
     """
+    gap = None if threshold is None else float(threshold)
     contacts = {}
-    for i, j in broad_phase(bodies, threshold).pairs.tolist():
-        pairs = find_contacts(bodies[i], bodies[j], threshold)
+    for i, j in broad_phase(bodies, gap).pairs.tolist():
+        a = bodies[i]
+        b = bodies[j]
+        pairs = a.found_with(
+            b,
+            ("contact", gap),
+            partial(find_contacts, a, b, gap),
+            search="contacts of bodies",
+        )
         if pairs.count:
             contacts[i, j] = pairs
     return contacts

@@ -27,7 +27,7 @@ from ...voxels.selection import AbstractSelection
 from ..time_varying import check_one_of, check_value, value_at
 from .source import AbstractSource, Appearance, fixed_or_moving, seen
 from .source_motion import Triple
-from .visibility import edges_of_points, lit_fraction_from_point
+from .visibility import edges_of_points, lit_samples_from_point
 
 
 _Vectors = Float[np.ndarray, "s 3"]
@@ -209,22 +209,30 @@ class AreaSource(AbstractSource):
         return (self.centre, self.normal, self.size, self.up, self.patches)
 
     @override
-    def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
-        """Integral of cos cos' s / R^2 over its front [sr], at most pi."""
-        exposure = np.zeros(len(position))
-        for corners in self.patch_corners():
-            factor = polygon_view_factor(position, normal, corners)
-            seen = np.flatnonzero(factor > 0)
-            if len(seen):
-                lit = lit_fraction_from_point(
-                    triangles,
-                    position=position[seen],
-                    normal=normal[seen],
-                    eye=corners.mean(0),
-                    pitch=edges_of_points(pitch, seen),
-                )
-                exposure[seen] += np.pi * factor[seen] * lit
-        return exposure
+    def unshaded(self, position, normal) -> Float[np.ndarray, "p s"]:
+        """Integral of cos cos' / R^2 over each patch [sr], at most pi."""
+        factors = [
+            polygon_view_factor(position, normal, corners)
+            for corners in self.patch_corners()
+        ]
+        return np.pi * np.stack(factors)
+
+    @override
+    def lit_samples(self, triangles, position, normal, pitch):
+        front = unit_vector(self.normal)
+        points = self.points()
+        lit = np.zeros((len(points), len(position)), np.uint8)
+        # Nothing behind the rectangle is lit.
+        ahead = np.flatnonzero((position - points.mean(0)) @ front > 0)
+        for number, point in enumerate(points):
+            lit[number, ahead] = lit_samples_from_point(
+                triangles,
+                position=position[ahead],
+                normal=normal[ahead],
+                eye=point,
+                pitch=edges_of_points(pitch, ahead),
+            )
+        return lit
 
     @override
     def appearance(self, origin, step) -> Appearance:

@@ -18,13 +18,14 @@ from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...constants import SOLAR_TEMPERATURE
 from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector, unit_vectors
+from ...memo.found import found
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..surface import BodySurface, Surface
@@ -34,9 +35,10 @@ from .irradiation import AbstractRadiativeTerm, Irradiation
 from .source_motion import Triple, triple
 from .visibility import (
     SquareEdge,
-    edges_of_points,
-    lit_fraction,
-    lit_fraction_from_point,
+    free_lines,
+    lit_fractions,
+    lit_samples_from_point,
+    sunlit_samples,
 )
 
 
@@ -133,6 +135,32 @@ class AbstractSource(AbstractRadiativeTerm):
         return replace(self, **{field: triple(value)})
 
     @abc.abstractmethod
+    def unshaded(
+        self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
+    ) -> Float[np.ndarray, "q s"]:
+        """Irradiance by each point of the source without obstacles, never negative.
+
+        It is that of surface points [m] with outward unit normals, for a unit of
+        strength.
+        """
+
+    @abc.abstractmethod
+    def lit_samples(
+        self,
+        triangles: Float[np.ndarray, "f 3 3"],
+        position: Float[np.ndarray, "s 3"],
+        normal: Float[np.ndarray, "s 3"],
+        pitch: SquareEdge,
+    ) -> UInt8[np.ndarray, "q s"]:
+        """Samples of surface points that each point of the source lights, one a bit.
+
+        Args:
+            triangles: surfaces that cast shadows, world [m].
+            position: surface points [m].
+            normal: outward unit normals at the points.
+            pitch: edge of the squares that the points represent [m], one or one each.
+        """
+
     def exposure(
         self,
         triangles: Float[np.ndarray, "f 3 3"],
@@ -142,12 +170,18 @@ class AbstractSource(AbstractRadiativeTerm):
     ) -> Float[np.ndarray, " s"]:
         """Irradiance of surface points for a unit of strength, never negative.
 
-        Args:
-            triangles: all surfaces that cast shadows, world [m].
-            position: surface points [m].
-            normal: outward unit normals at the points.
-            pitch: edge of the squares that the points represent [m], one or one each.
+        Arguments are those of `lit_samples`.
         """
+        lit = self.lit_samples(triangles, position, normal, pitch)
+        return self._shaded(lit, position, normal)
+
+    def _shaded(
+        self,
+        lit: UInt8[np.ndarray, "q s"],
+        position: Float[np.ndarray, "s 3"],
+        normal: Float[np.ndarray, "s 3"],
+    ) -> Float[np.ndarray, " s"]:
+        return (self.unshaded(position, normal) * lit_fractions(lit)).sum(0)
 
     def towards(
         self, position: Float[np.ndarray, "s 3"]
@@ -214,16 +248,23 @@ class AbstractSource(AbstractRadiativeTerm):
         def search(triangles, position, normal, pitch):
             del normal
             facing = body.facing(self.towards(position))
-            return facing.fraction * self.exposure(
-                triangles, position=position, normal=facing.normal, pitch=pitch
-            )
+            return self.lit_samples(triangles, position, facing.normal, pitch)
 
         key = self.exposure_key
-        return body.searched(
+        by = None if key is None else ("exposure", type(self), key)
+        lit = free_lines(
+            body,
             search,
-            by=None if key is None else ("exposure", type(self), key),
+            by=by,
             task=f"shadows of {self.name} on",
+            is_distant=self.cone is not None,
         )
+
+        def shade():
+            facing = body.facing(self.towards(body.position))
+            return facing.fraction * self._shaded(lit, body.position, facing.normal)
+
+        return found((lit, body.position, body.normal), by=by, find=shade)
 
 
 class Sun(AbstractSource):
@@ -275,16 +316,19 @@ class Sun(AbstractSource):
         return -unit_vector(self.direction)[None]
 
     @override
-    def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
-        """Lambert's cosine times the lit fraction of surface points [-]."""
-        cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
-        return cosine * lit_fraction(
+    def unshaded(self, position, normal) -> Float[np.ndarray, "1 s"]:
+        """Lambert's cosine [-]."""
+        return np.maximum(0.0, -normal @ unit_vector(self.direction))[None]
+
+    @override
+    def lit_samples(self, triangles, position, normal, pitch):
+        return sunlit_samples(
             triangles,
             position=position,
             normal=normal,
             direction=self.direction,
             pitch=pitch,
-        )
+        )[None]
 
     @property
     @override
@@ -360,24 +404,24 @@ class PointSource(AbstractSource):
         return np.asarray(self.position, float) - position
 
     @override
-    def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
-        """Cosine times lit fraction over the squared distance [1/m^2]."""
-        origin = np.asarray(self.position, float)
-        away = origin - position
+    def unshaded(self, position, normal) -> Float[np.ndarray, "1 s"]:
+        """Cosine over the squared distance [1/m^2]."""
+        away = np.asarray(self.position, float) - position
         distance = np.linalg.norm(away, axis=1)
         floored = np.maximum(distance, self.min_distance)
         safe_distance = np.where(distance > 0, distance, 1)
         along = row_dot(normal, away) / safe_distance
-        exposed = np.maximum(0.0, along) / (floored * floored)
-        facing = np.flatnonzero(exposed > 0)
-        exposed[facing] *= lit_fraction_from_point(
+        return (np.maximum(0.0, along) / (floored * floored))[None]
+
+    @override
+    def lit_samples(self, triangles, position, normal, pitch):
+        return lit_samples_from_point(
             triangles,
-            position=position[facing],
-            normal=normal[facing],
-            eye=origin,
-            pitch=edges_of_points(pitch, facing),
-        )
-        return exposed
+            position=position,
+            normal=normal,
+            eye=np.asarray(self.position, float),
+            pitch=pitch,
+        )[None]
 
     @override
     def appearance(self, origin, step) -> Appearance:

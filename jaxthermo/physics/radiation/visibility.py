@@ -13,20 +13,23 @@ sky above the horizon and the ground below it. Without obstacles F_sky = (1 + n_
 and F_ground = (1 - n_z) / 2.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable, Hashable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
 from ...arrays import linear_map
 from ...errors import InputError
+from ...geometry.mesh import Pose
 from ...geometry.vectors import row_dot, tangents
 from ...host_memory import require_memory
+from ...memo.found import found
 from ...memo.stored import stored_search
 from ...raster.depth_buffer import depth_range
 from ...raster.views import (
     OrthographicView,
-    PerspectiveView,
     half_sphere_directions,
     orthographic_view,
     perspective_views,
@@ -69,90 +72,211 @@ def _shadow_pixel(edge: SquareEdge) -> float:
     return _SHADOW_PIXEL * edge
 
 
-def _check_map(view: OrthographicView | PerspectiveView, task: str) -> None:
-    require_memory(view.width * view.height * 16, task, "use a coarser pitch")
+def _check_map(width: int, height: int, task: str) -> None:
+    require_memory(width * height * 16, task, "use a coarser pitch")
 
 
-def _lit_samples(
-    view: OrthographicView | PerspectiveView,
-    nearest: Float[np.ndarray, "h w"],
+Sight = UInt8[np.ndarray, "*n s"]
+"""Lines of sight of each surface point, one a bit, which is 1 for a free one."""
+
+
+def free_lines(
+    body: BodySurface,
+    search: Callable[..., Sight],
+    by: tuple[Hashable, ...] | None,
+    task: str,
+    is_distant: bool,
+    **options: Any,
+) -> Sight:
+    """Lines of sight from the fragments of a body that no occluder blocks.
+
+    Args:
+        body: the surface from which they lead.
+        search: takes the triangles of an occluder, positions, normals, the edges of
+            fragments as the pitch, and the options.
+        by: values on which its result depends, besides the surfaces and the pitch;
+            None if they are unknown.
+        task: its name, which ends before the body.
+        is_distant: True if the lines lead to infinity, whatever the body's position.
+        options: further arguments of the search.
+    """
+    place = Pose((0.0, 0.0, 0.0), body.pose.rotation) if is_distant else body.pose
+    key = None
+    if by is not None:
+        key = (*by, body.pitch, Pose().relative_key(place, body.pitch))
+    sights = tuple(
+        found(
+            (body.grid, *occluder.shapes),
+            by=None
+            if key is None
+            else (*key, occluder.place_from(body.pose, body.pitch)),
+            find=partial(
+                search,
+                occluder.triangles,
+                position=body.position,
+                normal=body.normal,
+                pitch=body.grid.fragment_edge,
+                **options,
+            ),
+            search=f"{task} body {body.body}",
+        )
+        for occluder in body.occluders
+    )
+    if len(sights) == 1:
+        return sights[0]
+    return found(sights, by="free lines", find=lambda: np.bitwise_and.reduce(sights))
+
+
+class _Window(NamedTuple):
+    """The part of a view in which a point may be behind an occluder."""
+
+    points: Int[np.ndarray, " n"]
+    """Numbers of these points."""
+    row: Int[np.ndarray, " n"]
+    column: Int[np.ndarray, " n"]
+    """Their pixels in the window."""
+    nearest: Float[np.ndarray, "h w"]
+    farthest: Float[np.ndarray, "h w"]
+    """Depths of the occluder."""
+
+
+def _window(
+    view: OrthographicView,
+    corners: Float[np.ndarray, "f 3 3"],
+    at: Float[np.ndarray, "n 3"],
+    is_behind: Callable[[float, float], Bool[np.ndarray, " n"]],
+    task: str,
+) -> _Window | None:
+    """The window of points whose pixels the box around an occluder covers.
+
+    Args:
+        view: of all points.
+        corners: of the occluder, projected.
+        at: points, projected.
+        is_behind: flags of the points, from the depths at which the occluder begins
+            and ends.
+        task: what the window is a part of.
+    """
+    if not len(corners):
+        return None
+    row, column = pixels_at(view, at)
+    low = corners.min(axis=(0, 1))
+    high = corners.max(axis=(0, 1))
+    points = np.flatnonzero(
+        (column + 1 >= low[0])
+        & (column <= high[0])
+        & (row + 1 >= low[1])
+        & (row <= high[1])
+        & is_behind(low[2], high[2])
+    )
+    if not len(points):
+        return None
+    row = row[points]
+    column = column[points]
+    first = np.array([column.min(), row.min(), 0])
+    width = int(column.max() - first[0]) + 1
+    height = int(row.max() - first[1]) + 1
+    _check_map(width, height, task)
+    # Whole pixels: the rays through the window are those of the view.
+    nearest, farthest = depth_range(corners - first, width, height)
+    return _Window(
+        points=points,
+        row=row - first[1],
+        column=column - first[0],
+        nearest=nearest,
+        farthest=farthest,
+    )
+
+
+_LIT = np.array([number.bit_count() / 4 for number in range(16)])
+"""Lit fraction of four samples, by their bits [-]."""
+
+
+def lit_fractions(sight: Sight) -> Float[np.ndarray, "*n s"]:
+    """Fraction of the four samples of each point that are lit [-]."""
+    return _LIT[sight]
+
+
+def _samples(
     raised: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     pitch: SquareEdge,
-) -> Float[np.ndarray, " s"]:
-    """Fraction of the samples around lifted points with nothing in front of them."""
-    lit = np.zeros(len(raised))
+) -> Iterator[Float[np.ndarray, "s 3"]]:
+    """The four samples around lifted points, one after the other."""
     radius = _SAMPLE_RADIUS * np.reshape(pitch, (-1, 1))
     first, second = (t * radius for t in tangents(normal))
     for offset in (first, -first, second, -second):
-        sample = view.project(raised + offset)
-        lit += 0.25 * (sample[:, 2] <= nearest[pixels_at(view, sample)])
-    return lit
+        yield raised + offset
 
 
 @stored_search("shadows")
-def lit_fraction(
+def sunlit_samples(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     direction: object,
     pitch: SquareEdge,
-) -> Float[np.ndarray, " s"]:
-    """Fraction of each surface point's square that parallel rays hit [-].
+) -> Sight:
+    """Samples of each surface point's square that parallel rays hit, one a bit.
 
     Triangles cast the shadows; points and triangles are in the world [m]. The squares
     have the edge `pitch` [m], and a pixel of the map is half of it, or an eighth of the
     largest one where each point has its own.
     """
-    lit = np.zeros(len(position))
+    lit = np.zeros(len(position), np.uint8)
     facing = np.flatnonzero(normal @ view_frame(direction)[2] < 0)
     if not len(facing):
         return lit
     # The map covers only surfaces that may be lit: a vast ground costs nothing.
     view = orthographic_view(position[facing], direction, _shadow_pixel(pitch))
-    _check_map(view, "a shadow map")
-    nearest, _ = depth_range(view.project(triangles), view.width, view.height)
+    corners = view.project(triangles)
     raised = position[facing] + normal[facing] * _LIFT * view.pitch
-    lit[facing] = _lit_samples(
-        view,
-        nearest=nearest,
-        raised=raised,
-        normal=normal[facing],
-        pitch=edges_of_points(pitch, facing),
-    )
+    edge = edges_of_points(pitch, facing)
+    for bit, sample in enumerate(_samples(raised, normal[facing], edge)):
+        at = view.project(sample)
+        is_lit = np.ones(len(facing), bool)
+        window = _window(
+            view,
+            corners=corners,
+            at=at,
+            is_behind=lambda nearest, _, at=at: at[:, 2] > nearest,
+            task="a shadow map",
+        )
+        if window is not None:
+            nearest = window.nearest[window.row, window.column]
+            is_lit[window.points] = at[window.points, 2] <= nearest
+        lit[facing] |= is_lit.astype(np.uint8) << bit
     return lit
 
 
 @stored_search("point_shadows")
-def lit_fraction_from_point(
+def lit_samples_from_point(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     eye: Float[np.ndarray, "3"],
     pitch: SquareEdge,
-) -> Float[np.ndarray, " s"]:
-    """Fraction of each surface point's square that rays from `eye` [m] hit [-].
+) -> Sight:
+    """Samples of each surface point's square that rays from `eye` [m] hit, one a bit.
 
-    Arguments and pixels are those of `lit_fraction`; at near points they are smaller.
+    Arguments and pixels are those of `sunlit_samples`; at near points they are smaller.
     """
-    lit = np.zeros(len(position))
+    lit = np.zeros(len(position), np.uint8)
     facing = np.flatnonzero(row_dot(normal, eye - position) > 0)
     if not len(facing):
         return lit
     pixel = _shadow_pixel(pitch)
     for view, in_view in perspective_views(eye, position[facing], pixel):
-        _check_map(view, "a shadow map")
+        _check_map(view.width, view.height, "a shadow map")
         nearest = view.nearest(triangles)
         seen = facing[in_view]
         size = view.pixel * view.project(position[seen])[:, 2]
         raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
-        lit[seen] = _lit_samples(
-            view,
-            nearest=nearest,
-            raised=raised,
-            normal=normal[seen],
-            pitch=edges_of_points(pitch, seen),
-        )
+        edge = edges_of_points(pitch, seen)
+        for bit, sample in enumerate(_samples(raised, normal[seen], edge)):
+            at = view.project(sample)
+            is_lit = at[:, 2] <= nearest[pixels_at(view, at)]
+            lit[seen] |= is_lit.astype(np.uint8) << bit
     return lit
 
 
@@ -194,7 +318,51 @@ def check_directions(directions: int) -> None:
         )
 
 
-@stored_search("sky_view", (_SkyView,))
+@stored_search("sky_view")
+def lines_to_surroundings(
+    triangles: Float[np.ndarray, "f 3 3"],
+    position: Float[np.ndarray, "s 3"],
+    normal: Float[np.ndarray, "s 3"],
+    pitch: SquareEdge,
+    directions: int = DEFAULT_DIRECTIONS,
+) -> UInt8[np.ndarray, "2 d s"]:
+    """Directions in which surface points see sky or ground, one a bit.
+
+    Bits of the first row are 1 where nothing is in the way, those of the second where
+    depth maps are certain about it. Arguments are those of `sky_view`.
+    """
+    shape = ((directions + 1) // 2, len(position))
+    is_free = np.ones(shape, bool)
+    is_certain = np.ones(shape, bool)
+    # All directions point upward: the sky is half 0, the opposite directions half 1,
+    # the ground. The first depth layer of a map shows the points that are visible from
+    # one side, the last layer those from the other: one map for two directions.
+    for number, upward in enumerate(half_sphere_directions(shape[0])):
+        view = orthographic_view(position, upward, _PIXEL * float(np.max(pitch)))
+        seen_out = _sees_out(view, triangles, position=position, normal=normal)
+        is_free[number], is_certain[number] = seen_out
+    return np.stack([np.packbits(is_free, axis=0), np.packbits(is_certain, axis=0)])
+
+
+def sky_view_along(
+    lines: UInt8[np.ndarray, "2 d s"],
+    normal: Float[np.ndarray, "s 3"],
+    directions: int,
+) -> _SkyView:
+    """View factors from lines to sky and ground, see `lines_to_surroundings`."""
+    seen = np.zeros((2, len(normal)))
+    sampled = np.zeros((2, len(normal)))
+    points = np.arange(len(normal))
+    for number, upward in enumerate(half_sphere_directions((directions + 1) // 2)):
+        is_free, is_certain = lines[:, number // 8] >> (7 - number % 8) & 1
+        cosine = normal @ upward
+        half = (cosine <= 0).astype(int)
+        weight = np.abs(cosine) * is_certain
+        seen[half, points] += weight * is_free
+        sampled[half, points] += weight
+    return _scaled(seen, sampled, unobstructed_view(normal))
+
+
 def sky_view(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
@@ -212,24 +380,14 @@ def sky_view(
         InputError: for fewer than 8 directions.
     """
     check_directions(directions)
-    seen = np.zeros((2, len(position)))
-    sampled = np.zeros((2, len(position)))
-    points = np.arange(len(position))
-    # All directions point upward: the sky is half 0, the opposite directions half 1,
-    # the ground. The first depth layer of a map shows the points that are visible from
-    # one side, the last layer those from the other: one map for two directions.
-    for upward in half_sphere_directions((directions + 1) // 2):
-        view = orthographic_view(position, upward, _PIXEL * float(np.max(pitch)))
-        _check_map(view, "a map")
-        corners = view.project(triangles)
-        ends = depth_range(corners, view.width, view.height)
-        cosine = normal @ upward
-        visible, certain = _sees_out(view, ends=ends, position=position, normal=normal)
-        half = (cosine <= 0).astype(int)
-        weight = np.abs(cosine) * certain
-        seen[half, points] += weight * visible
-        sampled[half, points] += weight
-    return _scaled(seen, sampled, unobstructed_view(normal))
+    lines = lines_to_surroundings(
+        triangles,
+        position=position,
+        normal=normal,
+        pitch=pitch,
+        directions=directions,
+    )
+    return sky_view_along(lines, normal, directions)
 
 
 def sky_view_of(body: BodySurface, directions: int | None) -> _SkyView:
@@ -239,37 +397,64 @@ def sky_view_of(body: BodySurface, directions: int | None) -> _SkyView:
     """
     if directions is None:
         return unobstructed_view(body.normal)
-    return body.searched(
-        sky_view,
+    check_directions(directions)
+    lines = free_lines(
+        body,
+        lines_to_surroundings,
         by=("sky_view", directions),
         task="view of sky and ground from",
+        is_distant=True,
         directions=directions,
     )
+    return found(
+        (lines, body.normal),
+        by=("sky_view", directions),
+        find=lambda: sky_view_along(lines, body.normal, directions),
+    )
+
+
+class _SeenOut(NamedTuple):
+    """Lines from surface points along a view, or against it: outward."""
+
+    is_free: Bool[np.ndarray, " s"]
+    is_certain: Bool[np.ndarray, " s"]
 
 
 def _sees_out(
     view: OrthographicView,
-    ends: tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]],
+    triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Masks: the point is visible along or against the view; the answer is certain."""
+) -> _SeenOut:
+    """Flag the points that triangles do not hide, and those where this is certain."""
     # The ray through a pixel's middle meets the plane of a point at a distance from the
     # point that grows as it grazes the plane. Too far away the depths say nothing.
     at = view.project(position)
     tilt = linear_map(normal, view.frame.T)
     row, column = pixels_at(view, at)
-    nearest, farthest = (end[row, column] for end in ends)
     to_middle = np.stack([column, row], axis=1) + 0.5 - at[:, :2]
     steep = np.where(np.abs(tilt[:, 2]) > 1e-9, tilt[:, 2], 1e-9)
     deeper = -row_dot(to_middle, tilt[:, :2]) / steep
     depth = at[:, 2] + deeper
-    visible = np.where(
-        tilt[:, 2] > 0,
-        depth + _DEPTH_TOLERANCE >= farthest,
-        depth - _DEPTH_TOLERANCE <= nearest,
+    is_ahead = tilt[:, 2] > 0
+    above = depth + _DEPTH_TOLERANCE
+    below = depth - _DEPTH_TOLERANCE
+    is_free = np.ones(len(position), bool)
+    window = _window(
+        view,
+        corners=view.project(triangles),
+        at=at,
+        is_behind=lambda low, high: np.where(is_ahead, above < high, below > low),
+        task="a map",
     )
-    return visible, np.abs(deeper) <= _MAX_DEPTH_CORRECTION
+    if window is not None:
+        points = window.points
+        is_free[points] = np.where(
+            is_ahead[points],
+            above[points] >= window.farthest[window.row, window.column],
+            below[points] <= window.nearest[window.row, window.column],
+        )
+    return _SeenOut(is_free, np.abs(deeper) <= _MAX_DEPTH_CORRECTION)
 
 
 def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: _SkyView) -> _SkyView:

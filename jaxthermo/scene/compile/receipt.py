@@ -69,6 +69,7 @@ def receipt_of(
             *_counted(first, off=False),
             *_cavity_notes(scene, first),
             *accuracy,
+            *_shared_notes(first, len(starts)),
         ),
         warnings=(
             *_overlap_warnings(snapshots, starts),
@@ -357,6 +358,22 @@ def _overlap_warnings(
         (f"at {start:g} s " if moves else "") + overlap.described(pair)
         for pair, (overlap, start) in sorted(deepest.items())
     )
+
+
+def _shared_notes(first: Snapshot, count: int) -> tuple[str, ...]:
+    """A line about the snapshots of a motion, and what they share."""
+    if count == 1:
+        return ()
+    sizes = [len(group.shapes) for group in first.surface.bodies[0].occluders]
+    if len(sizes) == 1:
+        shared = "all bodies keep their places, and only sources are searched for again"
+    else:
+        shared = (
+            f"{sum(sizes)} bodies move as {len(sizes)}, of "
+            f"{', '.join(map(str, sizes))}; within each of these, contacts are "
+            "searched for once, and shadows and views of the sky unless it turns"
+        )
+    return (f"{count} snapshots of the geometry: {shared}",)
 
 
 def _motion_warnings(

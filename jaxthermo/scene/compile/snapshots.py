@@ -20,6 +20,7 @@ from ...physics.contact.overlap import AnyOverlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
 from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import Forcing
+from ...physics.occluder import Occluder
 from ...physics.radiation.irradiation import AbstractRadiativeTerm, Irradiation
 from ...physics.surface import (
     Binding,
@@ -28,7 +29,6 @@ from ...physics.surface import (
     Surface,
     enclosing_bodies,
     placed_surface,
-    scene_triangles,
 )
 from ...physics.term import (
     AbstractExchangeTerm,
@@ -39,6 +39,7 @@ from ...physics.term import (
 from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.selection import AbstractSelection
 from ..air import bodies_with_surface
+from ..motion import moving_together
 from ..scene import Body, Scene
 from .bodies import (
     PreparedGroup,
@@ -97,23 +98,26 @@ def take_snapshots(
     # only where there is one snapshot.
     once = prune and len(starts) == 1
     stops = (*starts[1:], max(end, starts[-1]))
+    # The geometry halfway between two snapshots is exact to second order in their
+    # distance for whatever moves smoothly.
+    times = [(start + stop) / 2 for start, stop in zip(starts, stops, strict=True)]
     snapshots = []
-    clear_pairs = {}
     surfaced = bodies_with_surface(scene)
-    for start, stop in zip(starts, stops, strict=True):
-        # The geometry halfway between two snapshots is exact to second order in their
-        # distance for whatever moves smoothly.
-        time = (start + stop) / 2
-        poses = tuple(body.pose.at(time) for body in surfaced)
+    poses_at = [tuple(body.pose.at(time) for body in surfaced) for time in times]
+    together = moving_together(
+        poses_at, min(body.structure.grid.pitch for body in surfaced)
+    )
+    for time, poses in zip(times, poses_at, strict=True):
         placed = tuple(
             PlacedGrid(body.structure.grid, pose, f"body {index}")
             for index, (body, pose) in enumerate(zip(surfaced, poses, strict=True))
         )
-        overlaps = _overlaps(placed, clear_pairs)
+        overlaps = _overlaps(placed)
         contacts = _find_contacts(scene, placed)
         bodies = _body_surfaces(
             surfaced,
             poses=poses,
+            together=together,
             covered=contacts.covered,
             dtype=np.dtype(scene.dtype),
             prune=once,
@@ -176,18 +180,26 @@ def acting(snapshots: list[Snapshot]) -> list[Bool[np.ndarray, " s"]]:
 def _body_surfaces(
     bodies: tuple[Body, ...],
     poses: tuple[Pose, ...],
+    together: tuple[tuple[int, ...], ...],
     covered: list[Float[np.ndarray, " _"] | None],
     dtype: Any,
     prune: bool,
 ) -> tuple[BodySurface, ...]:
     # Covered is the fraction of each fragment that another body touches, if any.
+    grids = tuple(body.structure.grid for body in bodies)
     placed = [
-        placed_surface(body.structure.grid, pose)
-        for body, pose in zip(bodies, poses, strict=True)
+        placed_surface(grid, pose) for grid, pose in zip(grids, poses, strict=True)
     ]
-    shadow = scene_triangles(placed)
+    occluders = tuple(
+        Occluder.of_bodies(
+            tuple(grids[number] for number in group),
+            poses=tuple(poses[number] for number in group),
+            triangles=[placed[number].triangles for number in group],
+        )
+        for group in together
+    )
     enclosing = enclosing_bodies(
-        tuple(body.structure.grid for body in bodies),
+        grids,
         poses=poses,
         inside=tuple(body.inside for body in bodies),
     )
@@ -210,7 +222,7 @@ def _body_surfaces(
                 natural=exposed.natural,
                 emissivity=emissivity,
                 absorptivity=absorptivity,
-                scene_triangles=shadow,
+                occluders=occluders,
                 dtype=dtype,
                 enclosing=enclosing[index],
                 prune=prune,
@@ -324,7 +336,7 @@ def _find_contacts(scene: Scene, placed: tuple[PlacedGrid, ...]) -> _Contacts:
 
 
 # Contacts and overlaps depend on voxels and poses alone: they are computed once for all
-# runs, and again for a body that moved.
+# runs, and again for pairs of which one has moved.
 def _touching(
     placed: tuple[PlacedGrid, ...], max_gap: Any
 ) -> dict[tuple[int, int], ContactPairs]:
@@ -333,20 +345,18 @@ def _touching(
         tuple(body.grid for body in placed),
         by=("contacts", tuple(body.pose.key for body in placed), gap),
         find=lambda: contacts_between(placed, gap),
-        search="contacts of bodies",
     )
 
 
 def _overlaps(
-    placed: tuple[PlacedGrid, ...], clear_pairs: dict
+    placed: tuple[PlacedGrid, ...],
 ) -> dict[tuple[int, int], AnyOverlap]:
     if len(placed) == 1:
         return {}
     return found(
         tuple(body.grid for body in placed),
         by=("overlaps", tuple(body.pose.key for body in placed)),
-        find=lambda: find_overlaps(placed, clear_pairs),
-        search="overlaps of bodies",
+        find=lambda: find_overlaps(placed),
     )
 
 

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from placed import ball_grid, box_grid, placed
 from scipy.spatial import KDTree
 
+from jaxthermo.geometry.mesh import Pose
+from jaxthermo.memo.found import searches_recorded
+from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.physics.contact.search import (
     broad_phase,
     contacts_between,
@@ -109,3 +113,27 @@ def test_one_body_has_no_pair():
         == len(candidates.pairs)
         == 0
     )
+
+
+def test_contacts_of_bodies_that_move_together_are_found_once():
+    grids = (box_grid((1.0, 1.0, 0.6), PITCH), ROD)
+    away = Pose.about((1.0, 2.0, 3.0), 0.7, (5.0, -3.0, 0.1))
+
+    def contacts(first, second):
+        poses = (first, second.after(Pose((0.6, 0.1, 0.2))))
+        bodies = tuple(map(PlacedGrid, grids, poses))
+        with searches_recorded() as searches:
+            (pairs,) = contacts_between(bodies).values()
+        return bodies, pairs, searches
+
+    _, here, searches = contacts(Pose(), Pose())
+    assert searches == ["contacts of bodies"]
+    bodies, there, searches = contacts(away, away)
+    assert there is here and not searches
+    alone = find_contacts(*bodies)
+    assert_array_equal(alone.fragment_a, here.fragment_a)
+    assert_array_equal(alone.fragment_b, here.fragment_b)
+    assert_allclose(alone.area, here.area, rtol=1e-9)
+    assert_allclose(alone.gap, here.gap, atol=1e-12)
+    _, _, searches = contacts(Pose(), Pose((0.0, 0.01, 0.0)))
+    assert searches == ["contacts of bodies"]

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
+from jaxthermo.memo.found import searches_recorded
 from jaxthermo.physics.contact.overlap import Overlap, find_overlaps
 from jaxthermo.physics.contact.rays import PlacedGrid
 from tests.bodies import blocks
@@ -101,14 +103,23 @@ def test_a_body_in_a_cavity_is_not():
     assert overlap.smaller == 1 and overlap.fraction == pytest.approx(0.4, abs=0.06)
 
 
-def test_what_is_known_is_not_found_again():
-    placed = (PlacedGrid(CUBE, Pose()), PlacedGrid(CUBE, Pose((0.05, 0.0, 0.0))))
-    cache: dict = {}
-    first = find_overlaps(placed, cache)
-    assert find_overlaps(placed, cache)[0, 1] is first[0, 1]
-    apart = (placed[0], PlacedGrid(CUBE, Pose((1.0, 0.0, 0.0))))
-    assert find_overlaps(apart, cache) == {}
-    assert len(cache) == 1
-    nearer = (placed[0], PlacedGrid(CUBE, Pose((0.04, 0.0, 0.0))))
-    assert find_overlaps(nearer, cache)[0, 1] is not first[0, 1]
-    assert len(cache) == 2
+def test_bodies_that_move_together_are_searched_for_once():
+    def overlap_searches(*poses):
+        placed = tuple(PlacedGrid(CUBE, pose) for pose in poses)
+        with searches_recorded() as searches:
+            overlaps = find_overlaps(placed)
+        return overlaps, len(searches)
+
+    turned = Pose.about((1.0, 2.0, 3.0), 0.7, (5.0, -3.0, 0.1))
+    second = Pose((0.05, 0.0, 0.0))
+    first, count = overlap_searches(Pose(), second)
+    assert count == 1
+    together, count = overlap_searches(turned, turned.after(second))
+    assert count == 0
+    assert together[0, 1].depth == first[0, 1].depth
+    assert_allclose(
+        together[0, 1].position, turned.to_world(first[0, 1].position), atol=1e-12
+    )
+    _, count = overlap_searches(Pose(), Pose((0.04, 0.0, 0.0)))
+    assert count == 1
+    assert overlap_searches(Pose(), Pose((1.0, 0.0, 0.0))) == ({}, 0)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.geometry import shapes
+from jaxthermo.physics.occluder import Occluder
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import surface_of, whole
 
@@ -27,8 +28,8 @@ def behind(shift, aside=0.0):
     """The cylinder that far behind another of its kind, in diameters of both."""
     seen = surface_of(upright_cylinder())
     upstream = seen.scene_triangles - DIAMETER * np.array([shift, aside, 0.0])
-    triangles = np.concatenate([seen.scene_triangles, upstream])
-    return replace(seen, scene_triangles=triangles)
+    occluders = (*seen.occluders, Occluder.of_triangles(upstream))
+    return replace(seen, occluders=occluders)
 
 
 def law_of(term, seen, reference=300.0):
