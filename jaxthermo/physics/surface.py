@@ -419,7 +419,7 @@ def _enclosing(
     grids: tuple[AbstractGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
 ) -> list[Int[np.ndarray, " _"] | None]:
     enclosing: list[Int[np.ndarray, " _"] | None] = [None] * len(grids)
-    size = [np.linalg.norm(np.ptp(grid.mesh.bounds, axis=0)) for grid in grids]
+    size = [float(np.linalg.norm(np.ptp(grid.mesh.bounds, axis=0))) for grid in grids]
     # Smaller bodies last: they may be in the larger ones.
     for number in np.argsort(size)[::-1]:
         around = grids[number]
