@@ -22,6 +22,7 @@ from ...geometry.vectors import row_dot
 from ...memo.stored import stored_search
 from ...sheets.sheet_grid import SheetGrid
 from .rays import ContactRange, PlacedGrid, coarser_pitch
+from .together import found_between
 
 
 # Voxels that are compared at a time, which limits the memory.
@@ -103,7 +104,8 @@ def find_overlaps(
     """
     overlaps = {}
     for i, j in _near_pairs(bodies):
-        overlap = bodies[i].found_with(
+        overlap = found_between(
+            bodies[i],
             bodies[j],
             ("overlap", i, j),
             partial(_overlap_in_first, bodies, i, j),

@@ -19,10 +19,10 @@ one. Its areas are those of its fragments, of which rays tell the fraction in co
 """
 
 import math
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -36,7 +36,6 @@ from ...geometry.vectors import (
     unit_vectors,
 )
 from ...host_memory import require_memory
-from ...memo.found import found
 from ...raster.fragments import DepthLayers, expected_fragments, peel
 from ...sheets.sheet_grid import SheetGrid
 from ...voxels.abstract_grid import AbstractGrid
@@ -72,9 +71,6 @@ _SLOPE = (3 - math.sqrt(5)) / 2
 
 # Allowed overlap in voxels of the coarser body: rounding and coarse meshes cause it.
 _MAX_OVERLAP_VOXELS = 2.0
-
-
-_Finding = TypeVar("_Finding")
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,22 +125,6 @@ class PlacedGrid:
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Points of the world [m] in solid voxels of the body."""
         return self.grid.contains(self.pose.to_body(points))
-
-    def found_with(
-        self,
-        other: "PlacedGrid",
-        by: tuple[Hashable, ...],
-        find: Callable[[], _Finding],
-        search: str = "",
-    ) -> _Finding:
-        """What `find` finds about both bodies, once for all that move together.
-
-        It depends on the place of one in the frame of the other and on `by`; `search`
-        is its name for the receipt.
-        """
-        place = self.pose.relative_key(other.pose, min(self.pitch, other.pitch))
-        grids = (self.grid, other.grid)
-        return found(grids, by=(*by, place), find=find, search=search)
 
 
 def coarser_pitch(a: PlacedGrid, b: PlacedGrid) -> float:

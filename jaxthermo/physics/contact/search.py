@@ -20,6 +20,7 @@ from ...memo.stored import stored_search
 from .overlap import require_shallow
 from .rays import MAX_SLANT, ContactRange, PlacedGrid, ray_hits
 from .shares import fragment_shares
+from .together import found_between
 
 
 # Largest number of pixels along the longer edge of a view of two boxes' overlap.
@@ -170,8 +171,8 @@ def broad_phase(
         a = bodies[i]
         b = bodies[j]
         reach = float(margin[[i, j]].max())
-        separated = a.found_with(
-            b, ("separated", reach), partial(_are_separated, a, b, reach)
+        separated = found_between(
+            a, b, ("separated", reach), partial(_are_separated, a, b, reach)
         )
         may_touch.append(not separated)
     return _BroadPhase(
@@ -278,7 +279,8 @@ def contacts_between(
     for i, j in broad_phase(bodies, gap).pairs.tolist():
         a = bodies[i]
         b = bodies[j]
-        pairs = a.found_with(
+        pairs = found_between(
+            a,
             b,
             ("contact", gap),
             partial(find_contacts, a, b, gap),
