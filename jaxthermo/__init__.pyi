@@ -101,6 +101,7 @@ from .physics.boundary import (
     HeatFlux as HeatFlux,
 )
 from .physics.contact.links import Contact as Contact, bonded as bonded
+from .physics.contact.seam import Seam as Seam
 from .physics.convection.enclosed_air import EnclosedAir as EnclosedAir
 from .physics.convection.free_convection import FreeConvection as FreeConvection
 from .physics.convection.interior_air import InteriorAir as InteriorAir
@@ -142,6 +143,7 @@ from .report.frame_sheet import frame_sheet as frame_sheet
 from .scene.assembly import Rule as Rule, assembly as assembly
 from .scene.coating import Coating as Coating
 from .scene.compile.compile import compile_scene as compile_scene
+from .scene.joints import joints as joints
 from .scene.motion import Motion as Motion, PoseTable as PoseTable
 from .scene.part_materials import materials_by_part as materials_by_part
 from .scene.scene import (

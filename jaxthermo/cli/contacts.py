@@ -49,7 +49,8 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
         InputError: without a finished run, its meshes, a contact term or a contact.
     """
     config = finished_config(run, overrides, find_meshes=True)
-    contacts = [term for term in build(config.terms) if isinstance(term, Contact)]
+    terms = (*build(config.terms), *config.build_joints())
+    contacts = [term for term in terms if isinstance(term, Contact)]
     if not contacts:
         raise InputError(
             f"{run}: the scene has no contact term, and so no contact textures"
@@ -113,9 +114,12 @@ def _texture(
     )
     covered = [np.zeros(len(grid.fragment_area), bool) for grid in grids]
     area = 0.0
+    joined = set()
     for term in contacts:
         for (a, b), pairs in contacts_between(placed, term.max_gap).items():
-            if term.connects(a, b):
+            # The first contact of two bodies counts.
+            if term.connects(a, b) and (a, b) not in joined:
+                joined.add((a, b))
                 area += float(pairs.area.sum())
                 covered[a] |= pairs.coverage_a > 0
                 covered[b] |= pairs.coverage_b > 0

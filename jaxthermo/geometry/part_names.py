@@ -100,6 +100,12 @@ def listed_names(names: Sequence[str]) -> str:
     return listed
 
 
+def unmatched_name(pattern: str, names: Sequence[str]) -> str:
+    """Message that no body has a name that a pattern stands for."""
+    existing = f"there are {listed_names(names)}" if names else "none has one"
+    return f"no body has the name {pattern!r}; {existing}"
+
+
 class RuleFault(NamedTuple):
     """A rule that does nothing, or parts without a rule."""
 

@@ -192,7 +192,11 @@ class AbstractPairTerm(AbstractTerm):
     @property
     @abc.abstractmethod
     def max_gap(self) -> float | None:
-        """Widest gap that counts as contact [m]; None for a voxel of the finer body."""
+        """Widest gap over which bodies count as touching [m]; None for a default."""
+
+    @abc.abstractmethod
+    def touching(self, bodies: tuple[Any, ...]) -> dict[tuple[int, int], Any]:
+        """Pairs i < j of all placed bodies that touch, and where."""
 
     @abc.abstractmethod
     def connects(self, a: int, b: int) -> bool:

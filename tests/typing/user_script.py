@@ -71,6 +71,8 @@ aired = jt.EnclosedAir(5.0, 1e-4, 280.0, body=0, air=1)
 heat = jt.HeatSource(5e3, within=jt.Everything() & ~middle)
 terms = (sun, lamp, panel, sky, wall, flux, wind, *air, heat, jt.bonded)
 scene = jt.Scene((body, moving), (*terms, jt.Contact(1e3, bodies=(0, 1))))
+joined = jt.joints(blades, {("blade", "handle*"): 500.0}, default=None)
+welds: tuple[jt.Seam, ...] = tuple(t for t in joined if isinstance(t, jt.Seam))
 receipt = jt.compile_scene(scene).receipt
 steps = (jt.ForwardEuler(), jt.SuperTimeStepping(), jt.BackwardEuler(60.0))
 solution: jt.Solution = jt.simulate(scene, 90.0, (30.0, 90.0), solver=jt.TRBDF2())

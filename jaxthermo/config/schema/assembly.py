@@ -11,6 +11,7 @@ from ..types.model import Data, Mistake, MistakesError, Model, mistakes_in
 from ..types.quantities import Flag, NotEmpty, PositiveLength, Temperature
 from .body import BodyConfig, BodyOptions
 from .geometry import MeshConfig
+from .joints import JointsConfig
 from .selection import Patterns
 
 
@@ -53,6 +54,8 @@ class AssemblyConfig(Model):
     """Temperature at the start [K]."""
     parts: Annotated[tuple[RuleConfig, ...], NotEmpty]
     """The rules; `jaxthermo parts FILE --scene` writes some to begin with."""
+    joints: JointsConfig | None = None
+    """Conduction between parts that touch: the `joints` of the scene."""
 
     def mistakes(self) -> list[Mistake]:
         """A part in `mesh`, which has all of them."""
@@ -79,6 +82,12 @@ def with_assembly(data: Data, context: Any) -> Data:
         message = "all parts are ignored, and a scene needs a body"
         raise MistakesError([(("assembly", "parts"), message)])
     others = {key: value for key, value in data.items() if key != "assembly"}
+    joints = data["assembly"].get("joints")
+    if joints is not None:
+        if others.get("joints") is not None:
+            message = "the scene has `joints` too: give one of them"
+            raise MistakesError([(("assembly", "joints"), message)])
+        others["joints"] = joints
     return {**others, "bodies": [*bodies, *of_assembly]}
 
 

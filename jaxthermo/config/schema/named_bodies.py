@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ...geometry.part_names import listed_names, matching_parts
+from ...geometry.part_names import matching_parts, unmatched_name
 from ..types.model import Data, Location, Mistake, MistakesError
 
 
@@ -107,10 +107,7 @@ def _matching(patterns: Any, where: Location, names: Mapping[str, int]) -> list[
     for pattern in patterns if isinstance(patterns, list) else [patterns]:
         matching = matching_parts(str(pattern), names)
         if not matching:
-            there = (
-                f"there are {listed_names(list(names))}" if names else "none has one"
-            )
-            line = f"no body has the name {pattern!r}; {there}"
+            line = unmatched_name(str(pattern), list(names))
             raise MistakesError([(where, line)])
         numbers |= {names[name] for name in matching}
     return sorted(numbers)

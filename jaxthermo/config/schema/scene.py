@@ -24,6 +24,7 @@ from ..types.varying import not_increasing
 from .assembly import AssemblyConfig, with_assembly
 from .body import BodyConfig
 from .image import CameraConfig, ImageConfig, PinholeConfig
+from .joints import JointsConfig
 from .named_bodies import equal_names, with_numbers
 from .outdoors import ALL_TERMS, OutdoorsConfig
 from .solver import AutoSolver, SolverConfig
@@ -117,6 +118,8 @@ class SceneConfig(Model, builds="Scene"):
     assembly: AssemblyConfig | None = None
     """Further bodies, after `bodies`, from the parts of one file; a run has them in its
     `config.yaml` as bodies."""
+    joints: JointsConfig | None = None
+    """Conduction between bodies that touch, in addition to `terms`."""
     terms: tuple[TermConfig, ...] = ()
     """Everything that heats and cools the bodies; other mechanisms are not computed."""
     outdoors: OutdoorsConfig | None = None
@@ -173,7 +176,7 @@ class SceneConfig(Model, builds="Scene"):
         return (*bodies, *airs)
 
     def build_terms(self) -> tuple[Any, ...]:
-        """The terms, followed by those of the bodies, and of `outdoors`.
+        """The terms, followed by those of the joints, the bodies, and of `outdoors`.
 
         Raises:
             InputError: for weather that cannot be used, or without its extra.
@@ -193,7 +196,22 @@ class SceneConfig(Model, builds="Scene"):
                 outdoors=outer_air,
             )
         ]
-        return (*build(self.terms), *of_bodies, *outside)
+        return (*build(self.terms), *self.build_joints(), *of_bodies, *outside)
+
+    def build_joints(self) -> tuple[Any, ...]:
+        """The terms of `joints`."""
+        has_sheets = any(body.wall is not None for body in self.bodies)
+        joints = self.joints or JointsConfig()
+        return joints.build_terms(self._numbers, has_sheets)
+
+    @property
+    def _numbers(self) -> dict[str, int]:
+        """Number of each body that has a name."""
+        return {
+            body.name: number
+            for number, body in enumerate(self.bodies)
+            if body.name is not None
+        }
 
     def scene(self, bodies: tuple[Any, ...], terms: tuple[Any, ...]) -> "Scene":
         """A scene of these bodies and terms, with the options of this config."""
@@ -221,6 +239,12 @@ class SceneConfig(Model, builds="Scene"):
 
     @override
     def mistakes(self) -> list[Mistake]:
+        joints = self.joints or JointsConfig()
+        wrong = joints.wrong_names(self._numbers)
+        mistakes = [(("joints", *where), line) for where, line in wrong]
+        return [*mistakes, *self._missing_outer_air()]
+
+    def _missing_outer_air(self) -> list[Mistake]:
         outdoors = () if self.outdoors is None else self.outdoors.terms
         if {"wind", "convection"} & {*outdoors}:
             return []
@@ -235,7 +259,7 @@ class SceneConfig(Model, builds="Scene"):
 
 
 # Terms that act inside bodies, or between two.
-_NOT_ON_SURFACES = {"heat_source", "contact"}
+_NOT_ON_SURFACES = {"heat_source", "contact", "seam"}
 
 
 def _with_skin(

@@ -3,7 +3,6 @@
 A new term needs its class, exported by `jaxthermo`, and one model here.
 """
 
-import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -13,7 +12,13 @@ import jaxthermo
 
 from ..types import quantities as si
 from ..types.model import ByKind, KindModel, Mistake, Model, Short
-from ..types.varying import TimeConductance, TimeDirection, TimePosition, Varying
+from ..types.varying import (
+    TimeConductance,
+    TimeDirection,
+    TimePosition,
+    Varying,
+    without_resistance,
+)
 from .selection import WhereConfig, WithinConfig
 
 
@@ -232,26 +237,33 @@ class _HeatSourceConfig(_Switched, builds="HeatSource", kind="heat_source"):
     switched: ClassVar = ("heat_rate_density", "heat_rate")
 
 
-class _ContactConfig(Model, builds="Contact", kind="contact"):
-    """Heat conduction between touching surfaces, of all bodies or of two."""
+class _JointConfig(Model):
+    """Conductance between bodies that touch."""
 
     conductance: TimeConductance
     bodies: si.Indices | None = None
     threshold: si.PositiveLength | None = None
-    gap_length: si.PositiveLength | None = None
     max_pairs: Annotated[si.Whole, Field(ge=1)] | None = None
 
     def arguments(self) -> dict[str, Any]:
-        arguments = super().arguments()
-        if self.conductance == "bonded":
-            # A bond has no resistance; the half cells on both sides limit the heat.
-            arguments["conductance"] = math.inf
-        return arguments
+        # The half cells on both sides of a bond limit the heat.
+        conductance = without_resistance(self.conductance)
+        return {**super().arguments(), "conductance": conductance}
 
     def mistakes(self) -> list[Mistake]:
         if self.bodies is None or self.bodies[0] != self.bodies[1]:
             return []
         return [(("bodies", 1), f"is body {self.bodies[1]} again: name two bodies")]
+
+
+class _ContactConfig(_JointConfig, builds="Contact", kind="contact"):
+    """Heat conduction between touching surfaces, of all bodies or of two."""
+
+    gap_length: si.PositiveLength | None = None
+
+
+class _SeamConfig(_JointConfig, builds="Seam", kind="seam"):
+    """Heat conduction where the borders of sheets meet other bodies."""
 
 
 TermConfig = Annotated[
@@ -268,6 +280,7 @@ TermConfig = Annotated[
     | _HeatFluxConfig
     | _FixedTemperatureConfig
     | _HeatSourceConfig
-    | _ContactConfig,
+    | _ContactConfig
+    | _SeamConfig,
     ByKind(),
 ]

@@ -257,7 +257,7 @@ def _not_zero(value: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 Three = of_length(3, "three numbers [x, y, z]")
-_Two = of_length(2, "two values")
+Two = of_length(2, "two values")
 Number = Annotated[float, NUMBER]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Length = Annotated[float, LENGTH]
@@ -298,10 +298,10 @@ Whole = Annotated[int, Strict()]
 # Number of a body, counted from 0.
 Index = Annotated[Whole, Field(ge=0)]
 Position = Annotated[tuple[Length, Length, Length], Three]
-PlanePosition = Annotated[tuple[Length, Length], _Two]
+PlanePosition = Annotated[tuple[Length, Length], Two]
 Size = Annotated[tuple[PositiveLength, PositiveLength, PositiveLength], Three]
 Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero), Three]
 _Component = Annotated[float, _SPEED]
 Velocity = Annotated[tuple[_Component, _Component, _Component], Three]
-Extent = Annotated[tuple[PositiveLength, PositiveLength], _Two]
-Indices = Annotated[tuple[Index, Index], _Two]
+Extent = Annotated[tuple[PositiveLength, PositiveLength], Two]
+Indices = Annotated[tuple[Index, Index], Two]

@@ -8,7 +8,7 @@ from pydantic import Discriminator, Tag
 
 from . import quantities as si
 from .files import FoundPath, read_fractions
-from .model import Mistake, Model, parts
+from .model import Mistake, Model, build, parts
 
 
 _Value = TypeVar("_Value")
@@ -155,6 +155,13 @@ TimeConductance = Annotated[
     | Annotated[_Table[si.ContactConductance], _TABLE],
     Discriminator(_or_bonded),
 ]
+
+
+def without_resistance(conductance: Any) -> Any:
+    """The built value of a `TimeConductance`: infinite where it is `bonded`."""
+    return math.inf if conductance == "bonded" else build(conductance)
+
+
 AnyFraction = Annotated[
     Annotated[si.Fraction, _FIXED] | Annotated[_PerFragment, _TABLE], _EITHER
 ]

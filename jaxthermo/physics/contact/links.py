@@ -38,14 +38,14 @@ from ...arrays import (
     smooth_step,
     stop_gradient,
 )
-from ...errors import InputError
 from ...network.increasing_root import Balance, increasing_root
 from ...network.network import Address, inverse, precise_sum
 from ...network.segment_sums import SegmentSums, sums_of_sizes
 from ..half_cells import Extremes, VaryingHalfCells
-from ..term import AbstractPairTerm
-from ..time_varying import check_value, for_jit, is_zero, largest, value_at
-from .search import ContactPairs, Joint
+from ..time_varying import for_jit, largest, value_at
+from .joint import AbstractJoint, BodyNumbers
+from .rays import PlacedGrid
+from .search import ContactPairs, Joint, contacts_between
 
 
 _Rows = Float[Array | np.ndarray, "*p"]
@@ -131,7 +131,7 @@ def _gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
     return 1 - smooth_step(s)
 
 
-class _ContactEnd(NamedTuple):
+class ContactEnd(NamedTuple):
     """One body's side of all touching pairs."""
 
     address: Address
@@ -180,7 +180,7 @@ class ContactLinks(Module):
     """Sums over the pairs of fragments of each pair of bodies; None for one pair."""
     bodies: tuple[int, int] = eqx.field(static=True)
     """Numbers of both bodies, or groups, in the program."""
-    ends: tuple[_ContactEnd, _ContactEnd]
+    ends: tuple[ContactEnd, ContactEnd]
     """Sides of the first and of the second body."""
     area: Float[Array, " p"]
     """Contact area, times the gap factor [m^2]."""
@@ -320,11 +320,16 @@ class ContactLinks(Module):
     def fragment_heat(
         self, rate: Float[Array, " p"], side: int, fragments: int
     ) -> Float[Array, " s"]:
-        """Heat rate into the fragments of body `side`, from `PairHeat.rate` [W]."""
-        return self.ends[side].spread(-rate if side == 0 else rate, fragments)
+        """Heat rate into the fragments of body `side`, from `PairHeat.rate` [W].
+
+        Heat through the border of a sheet goes through no fragment.
+        """
+        end = self.ends[side]
+        through = jnp.where(end.area_fraction > 0, rate, 0)
+        return end.spread(-through if side == 0 else through, fragments)
 
 
-class Contact(AbstractPairTerm):
+class Contact(AbstractJoint):
     """Heat conduction through touching surfaces of two bodies, or of all.
 
     q = G (T_a - T_b) [W],    1 / G = 1 / G_a + 1 / (h_c A) + 1 / G_b,
@@ -332,7 +337,8 @@ class Contact(AbstractPairTerm):
     with the half cells G_a = k_a A / d_a and G_b [W/K] of both bodies, from the contact
     to their nodes; a k that depends on temperature is integrated over them. No other
     mechanism acts on surfaces in contact. Contacts follow from the shapes
-    (`jaxthermo.physics.contact.search`).
+    (`jaxthermo.physics.contact.search`). Of several contacts of two bodies the first in
+    the scene counts.
 
     Raises:
         InputError: for a negative conductance, or a length that is not positive.
@@ -342,8 +348,11 @@ class Contact(AbstractPairTerm):
 
     conductance: TimeVarying
     """h_c [W/(m^2 K)], a number or a function of time; infinity bonds the bodies."""
-    bodies: tuple[int, int] | None = eqx.field(static=True, default=None)
-    """Numbers of the two bodies; None for any two that touch."""
+    bodies: tuple[BodyNumbers, BodyNumbers] | None = eqx.field(
+        static=True, default=None
+    )
+    """Numbers of the two bodies, or of the bodies of two groups; None for any two that
+    touch."""
     threshold: float | None = eqx.field(static=True, default=None)
     """Largest gap that counts as contact [m]; None for a voxel of the finer body."""
     gap_length: float | None = eqx.field(static=True, default=None)
@@ -353,41 +362,23 @@ class Contact(AbstractPairTerm):
     """Largest number of pairs of fragments; None for that of the scene."""
 
     def __check_init__(self):
-        h_c = self.conductance
-        if not isinstance(h_c, float | int) or h_c != math.inf:
-            check_value(h_c, "Contact(conductance [W/(m^2 K)])", 0.0)
         lengths = {"threshold": self.threshold, "gap_length": self.gap_length}
-        for name, length in lengths.items():
-            if length is not None and not 0 < length < np.inf:
-                raise InputError(f"Contact({name}={length!r}): give a positive length")
-        if self.bodies is not None and self.bodies[0] == self.bodies[1]:
-            raise InputError(f"Contact(bodies={self.bodies}): name two bodies")
-
-    @property
-    @override
-    def max_gap(self) -> float | None:
-        return self.threshold
-
-    @property
-    @override
-    def is_idle(self) -> bool:
-        return is_zero(self.conductance)
-
-    @property
-    @override
-    def named_bodies(self) -> tuple[int, ...]:
-        return () if self.bodies is None else self.bodies
+        self.check_joint(lengths)
 
     @override
-    def connects(self, a: int, b: int) -> bool:
-        return self.bodies is None or {a, b} == set(self.bodies)
+    def touching(
+        self, bodies: tuple[PlacedGrid, ...]
+    ) -> dict[tuple[int, int], ContactPairs]:
+        return contacts_between(bodies, self.max_gap)
 
     @override
     def bind(self, joints: Sequence[Joint], ends: tuple[Any, Any]) -> ContactLinks:
         dtype = np.dtype(ends[0].half_cell.dtype)
         # Arrays have one size in all snapshots, so that one program runs them all.
         parts = [
-            joint.pairs.padded(self.max_pairs or joint.size, joint.name)
+            (joint.pairs or ContactPairs.none(0, 0)).padded(
+                self.max_pairs or joint.size, joint.name
+            )
             for joint in joints
         ]
         padded = ContactPairs.joined(parts)
@@ -407,7 +398,7 @@ class Contact(AbstractPairTerm):
         )
 
 
-def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _ContactEnd:
+def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> ContactEnd:
     node = body.fragment_node[fragment]
     address = body.address_of(node)
     fragment_area = body.structure.grid.fragment_area
@@ -417,7 +408,7 @@ def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _Cont
     capacity = body.network.capacity_at(address)
     if not capacity.ndim:
         capacity = jnp.broadcast_to(capacity, fraction.shape)
-    return _ContactEnd(
+    return ContactEnd(
         address=address,
         fragment=device_array(fragment),
         half_cell=device_array(body.half_cell[fragment] * fraction),

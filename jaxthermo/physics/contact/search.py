@@ -8,7 +8,7 @@ fragments that touch has one area.
 from collections.abc import Sequence
 from functools import partial
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -88,6 +88,11 @@ class ContactPairs(NamedTuple):
         )
 
     @property
+    def rows(self) -> int:
+        """Number of pairs, with the padding."""
+        return len(self.area)
+
+    @property
     def count(self) -> int:
         """Number of pairs without padding."""
         return int(np.count_nonzero(self.area))
@@ -124,14 +129,19 @@ class ContactPairs(NamedTuple):
 class Joint(NamedTuple):
     """Two bodies that touch, as a term binds them."""
 
-    pairs: ContactPairs
-    """Touching fragments, by their numbers in what is bound."""
+    pairs: Any
+    """Touching fragments, by their numbers in what is bound; None for none."""
     entry: int
     """Number in the energy ledger."""
     size: int
     """Length of its arrays, at least the number of pairs."""
-    name: str
-    """Both bodies, for errors."""
+    bodies: tuple[int, int]
+    """Numbers of both bodies."""
+
+    @property
+    def name(self) -> str:
+        """Both bodies, for errors."""
+        return f"bodies {self.bodies[0]} and {self.bodies[1]}"
 
 
 class _BroadPhase(NamedTuple):
@@ -163,7 +173,7 @@ def broad_phase(
         [MAX_SLANT * float(b.pitch if threshold is None else threshold) for b in bodies]
     )
     bounds = np.stack([body.world_bounds for body in bodies])
-    pairs = _overlapping_pairs(
+    pairs = overlapping_pairs(
         bounds[:, 0] - margin[:, None], bounds[:, 1] + margin[:, None]
     )
     may_touch = []
@@ -232,7 +242,7 @@ def _depths(
     return near, far
 
 
-def _overlapping_pairs(
+def overlapping_pairs(
     lower: Float[np.ndarray, "b 3"], upper: Float[np.ndarray, "b 3"]
 ) -> Int[np.ndarray, "p 2"]:
     """Pairs i < j of boxes with common points; corners in m."""

@@ -36,6 +36,7 @@ from .bodies import PreparedGroup, check_bodies, check_terms, prepare
 from .body_names import named_receipt, naming_bodies
 from .body_program import SurfaceCoefficients
 from .groups import body_groups, joins_bodies
+from .joint_lines import check_joints, joint_lines
 from .memory import Method, check_memory
 from .newton_iterations import with_iterations
 from .penetration import penetration_warnings
@@ -119,6 +120,7 @@ def compile_scene(
         compiled.receipt,
         notes=(
             *compiled.receipt.notes,
+            *joint_lines(scene, compiled.receipt.parts),
             *sheet_lines(scene, sheet_notes),
             *dict.fromkeys(lines),
             *time_values.notes(compiled.acting),
@@ -236,6 +238,7 @@ def _bound_programs(
         temperatures=temperatures,
         prune=prune,
     )
+    check_joints(scene, snapshots)
     volumes, unheated = bind_volumes(scene)
     ledger = ledger_entries(scene, snapshots=snapshots, volumes=volumes, prune=prune)
     builder = ProgramBuilder(

@@ -380,6 +380,8 @@ class Part:
     """Heated volume [m^3]; 0 for what acts on the surface."""
     surface_share: float
     """Fraction of the surface of the first of the bodies [-]."""
+    length: float = 0.0
+    """Length of a seam [m]; otherwise 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -404,8 +406,7 @@ class Receipt:
     """Heat capacity of each body's nodes over that of the body [-]."""
     dtype: str
     memory_bytes: int = 0
-    """Forecast of the peak of the run, see `forecast_memory`, without the voxels and
-    structures of the bodies, which exist already."""
+    """Forecast of the peak of the run without its structures, see `forecast_memory`."""
     body_names: tuple[str, ...] = ()
     """Name of each body; empty for one without."""
     searches: tuple[str, ...] = ()

@@ -13,7 +13,7 @@ from ...network.group_order import GroupOrder
 from ...network.network import Address
 from ...network.segment_sums import segment_sums
 from ...physics.contact.links import ContactLinks
-from ...physics.contact.search import ContactPairs, Joint
+from ...physics.contact.search import Joint
 from ...physics.convection.enclosed_air import AirExchange, EnclosedAir
 from ...physics.flux_law import bound
 from ...physics.heat_source import VolumeBinding
@@ -29,11 +29,12 @@ from ...physics.time_varying import breakpoints, changes_unseen, for_jit
 from ..scene import Scene, mechanism_names
 from .bodies import PreparedGroup
 from .body_program import BodyProgram, Members, VolumeLoad
+from .contacts import PairKey
 from .groups import BodyGroup, fragment_order
 from .linear_load import linear_programs
 from .probes import bind_probes
 from .program import Program, surface_heat
-from .snapshots import PairKey, Snapshot, acting
+from .snapshots import Snapshot, acting
 from .surface_cells import body_cells
 from .surface_load import AbstractSurfaceLoad, surface_load
 
@@ -301,16 +302,13 @@ class ProgramBuilder:
         for key in keys:
             _, *bodies = key
             pairs = snapshot.pairs.get(key)
-            if pairs is None:
-                counts = (snapshot.surface.counts[body] for body in bodies)
-                pairs = ContactPairs.none(*counts)
             first, second = (self._group_of[body][1] for body in bodies)
             joints.append(
                 Joint(
-                    pairs=pairs.shifted(first, second),
+                    pairs=None if pairs is None else pairs.shifted(first, second),
                     entry=self._entry[key],
                     size=sizes[key],
-                    name=f"bodies {bodies[0]} and {bodies[1]}",
+                    bodies=(bodies[0], bodies[1]),
                 )
             )
         number, *bodies = keys[0]
@@ -414,5 +412,5 @@ def _pair_counts(snapshots: list[Snapshot]) -> dict[PairKey, int]:
     counts: dict[PairKey, int] = {}
     for snapshot in snapshots:
         for key, pairs in snapshot.pairs.items():
-            counts[key] = max(counts.get(key, 0), len(pairs.area))
+            counts[key] = max(counts.get(key, 0), pairs.rows)
     return {key: counts[key] for key in sorted(counts)}

@@ -9,6 +9,7 @@ from ...arrays import is_traced
 from ...geometry.nested import filled_inner_surfaces
 from ...material.material import Material
 from ...memo.found import found
+from ...physics.contact.seam_search import SeamPairs
 from ...physics.surface import Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...sheets.sheet_grid import SheetGrid
@@ -108,9 +109,12 @@ def _parts(
     for (number, *bodies), name in ledger.items():
         reached = 0.0
         volume = 0.0
+        length = 0.0
         if len(bodies) == 2:
             pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
-            if pairs is not None:
+            if isinstance(pairs, SeamPairs):
+                length = float(pairs.length.sum())
+            elif pairs is not None:
                 reached = float(pairs.area.sum())
         elif bodies[0] < len(surface.bodies):
             # Bodies of air have no surface.
@@ -132,6 +136,7 @@ def _parts(
                 area=reached,
                 volume=volume,
                 surface_share=reached / total_area[bodies[0]] if reached else 0.0,
+                length=length,
             )
         )
     return tuple(acting_parts)

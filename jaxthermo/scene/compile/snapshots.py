@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ...errors import InputError, located
+from ...errors import located
 from ...geometry.mesh import Pose
 from ...memo.found import found
 from ...physics.contact.overlap import AnyOverlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
-from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import Forcing
 from ...physics.occluder import Occluder
 from ...physics.radiation.irradiation import AbstractRadiativeTerm, Irradiation
@@ -32,7 +31,6 @@ from ...physics.surface import (
 )
 from ...physics.term import (
     AbstractExchangeTerm,
-    AbstractPairTerm,
     AbstractSurfaceTerm,
     AbstractTerm,
 )
@@ -48,13 +46,11 @@ from .bodies import (
     surface_property,
 )
 from .claims import claimed_fragments
+from .contacts import PairKey, TouchingPairs, find_contacts
 
 
 # Bindings with the number of their term in the scene.
 _NumberedBindings = tuple[tuple[int, Binding], ...]
-
-PairKey = tuple[int, int, int]
-"""Numbers of a term and of both its bodies."""
 
 
 class Snapshot(NamedTuple):
@@ -70,7 +66,7 @@ class Snapshot(NamedTuple):
     """Surface terms that do not act on a body, by their number."""
     irradiation: tuple[tuple[str, Irradiation], ...]
     """Radiation that reaches the surface, with the property that absorbs it."""
-    pairs: dict[PairKey, ContactPairs]
+    pairs: dict[PairKey, TouchingPairs]
     unpaired: tuple[tuple[int, str], ...]
     """Pair terms that do not act, by their number, and why."""
     overlaps: dict[tuple[int, int], AnyOverlap]
@@ -113,7 +109,7 @@ def take_snapshots(
             for index, (body, pose) in enumerate(zip(surfaced, poses, strict=True))
         )
         overlaps = _overlaps(placed)
-        contacts = _find_contacts(scene, placed)
+        contacts = find_contacts(scene, placed)
         bodies = _body_surfaces(
             surfaced,
             poses=poses,
@@ -279,75 +275,8 @@ def _irradiation(
     )
 
 
-class _Contacts(NamedTuple):
-    """Contacts of the bodies at one moment."""
-
-    pairs: dict[PairKey, ContactPairs]
-    """Touching fragments of each pair of bodies."""
-    covered: list[Float[np.ndarray, " _"] | None]
-    """Covered fraction of each body's fragments; None for a body nothing touches."""
-    unpaired: tuple[tuple[int, str], ...]
-    """Pair terms that do not act, by their number, and why."""
-
-
-def _find_contacts(scene: Scene, placed: tuple[PlacedGrid, ...]) -> _Contacts:
-    """Contacts of each pair of bodies that a term joins.
-
-    Raises:
-        InputError: if bodies overlap deeply, or two terms join the same ones.
-    """
-    terms = [
-        (n, term)
-        for n, term in enumerate(scene.terms)
-        if isinstance(term, AbstractPairTerm)
-    ]
-    # Where another body covers a fragment, no other term acts.
-    covered: list[Any] = [None for _ in scene.bodies]
-    if not terms or len(scene.bodies) == 1:
-        omitted = tuple((n, "there is one body") for n, _ in terms)
-        return _Contacts(pairs={}, covered=covered, unpaired=omitted)
-    pairs: dict[PairKey, ContactPairs] = {}
-    joined_by: dict[tuple[int, int], int] = {}
-    omitted = []
-    for number, term in terms:
-        touches = _touching(placed, term.max_gap)
-        joined = {key: pair for key, pair in touches.items() if term.connects(*key)}
-        if not joined:
-            omitted.append((number, "no bodies touch"))
-        # An idle pair still covers the surface: it insulates it.
-        elif term.is_idle:
-            omitted.append((number, "its conductance is 0"))
-        for (first, second), contact in joined.items():
-            if (first, second) in joined_by:
-                raise InputError(
-                    f"terms[{joined_by[first, second]}] and terms[{number}] both join "
-                    f"bodies {first} and {second}: say which bodies each joins"
-                )
-            if not term.is_idle:
-                pairs[number, first, second] = contact
-                joined_by[first, second] = number
-            for body, coverage in (
-                (first, contact.coverage_a),
-                (second, contact.coverage_b),
-            ):
-                covered_so_far = 0 if covered[body] is None else covered[body]
-                covered[body] = np.minimum(covered_so_far + coverage, 1)
-    return _Contacts(pairs=pairs, covered=covered, unpaired=tuple(omitted))
-
-
-# Contacts and overlaps depend on voxels and poses alone: they are computed once for all
-# runs, and again for pairs of which one has moved.
-def _touching(
-    placed: tuple[PlacedGrid, ...], max_gap: Any
-) -> dict[tuple[int, int], ContactPairs]:
-    gap = None if max_gap is None else float(max_gap)
-    return found(
-        tuple(body.grid for body in placed),
-        by=("contacts", tuple(body.pose.key for body in placed), gap),
-        find=lambda: contacts_between(placed, gap),
-    )
-
-
+# Overlaps depend on voxels and poses alone: they are computed once for all runs, and
+# again for pairs of which one has moved.
 def _overlaps(
     placed: tuple[PlacedGrid, ...],
 ) -> dict[tuple[int, int], AnyOverlap]:

@@ -181,15 +181,15 @@ class Sheet(AbstractStructure):
 
     def _cell_volumes(self) -> Float[Any, "m n"]:
         """Volume of each node [m^3]: numpy arrays unless a thickness is traced."""
-        thickness = self._cell_thickness()
+        thickness = self.cell_thickness()
         xp = array_namespace(thickness)
         rows = xp.stack(thickness, axis=1)
         return rows @ typed_array(self.grid.cells.area.T, rows.dtype)
 
-    def _cell_thickness(self) -> list[Float[Any, " m"]]:
+    def cell_thickness(self) -> list[Float[Any, " m"]]:
         """Thickness of the cells of each part [m]."""
         pairs = zip(self.stacks, self.divisions, strict=True)
-        return [_cell_thickness(stack, division) for stack, division in pairs]
+        return [_thickness_of_cells(stack, division) for stack, division in pairs]
 
     def volume_within(self, space: AbstractSpace | None) -> Float[Any, " n"]:
         """Volume of the part of each node in a part of space [m^3]; of all for None."""
@@ -281,7 +281,7 @@ class Sheet(AbstractStructure):
 
     def face_cell_thickness(self, dtype: Any) -> Float[Any, " s"]:
         """Thickness of the cell at each fragment [m]."""
-        thickness = self._cell_thickness()
+        thickness = self.cell_thickness()
         fronts = [cells[0] for cells in thickness]
         return self._at_fragments([*fronts, *(c[-1] for c in thickness)], dtype)
 
@@ -292,7 +292,7 @@ class Sheet(AbstractStructure):
         return array_namespace(rows).stack(rows)[row]
 
 
-def _cell_thickness(stack: Sequence[Layer], division: Division) -> Float[Any, " m"]:
+def _thickness_of_cells(stack: Sequence[Layer], division: Division) -> Float[Any, " m"]:
     """Thickness of each cell through a stack [m]."""
     depth = [layer.thickness for layer in stack]
     xp = array_namespace(depth)

@@ -147,6 +147,9 @@ TERMS = {
         jt.Table((0.0, 1.0), (0.0, 9.0)), bodies=(1, 0), threshold=0.002,
         gap_length=0.001, max_pairs=99,
     ),
+    "{kind: seam, conductance: bonded}": jt.Seam(math.inf),
+    "{kind: seam, conductance: 500, bodies: [0, 1], threshold: 2 mm, max_pairs: 9}":
+        jt.Seam(500.0, bodies=(0, 1), threshold=0.002, max_pairs=9),
 }  # fmt: skip
 
 

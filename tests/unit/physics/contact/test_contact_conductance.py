@@ -117,7 +117,7 @@ def test_a_fragments_half_cell_is_shared_by_its_pairs():
         coverage_a=covered,
         coverage_b=covered,
     )
-    joint = Joint(pairs, entry=0, size=3, name="two bodies")
+    joint = Joint(pairs, entry=0, size=3, bodies=(0, 1))
     links = Contact(1.0).bind([joint], ends=(side, side))
     for half in (end.half_cell for end in links.ends):
         assert np.asarray(half).tolist() == [1.5, 3.0, 0.0]

@@ -1,0 +1,76 @@
+"""Joints between the bodies of a scene, by rules of their names."""
+
+from collections.abc import Mapping, Sequence
+
+from ..arrays import TimeVarying
+from ..errors import InputError
+from ..geometry.part_names import matching_parts, unmatched_name
+from ..physics.contact.joint import AbstractJoint, Groups
+from ..physics.contact.links import Contact
+from ..physics.contact.seam import Seam
+from ..structures.kinds.sheet import Sheet
+from .scene import Body
+
+
+def joints(
+    bodies: Sequence[Body],
+    pairs: Mapping[tuple[str, str], TimeVarying] | None = None,
+    *,
+    default: TimeVarying | None = None,
+    threshold: float | None = None,
+) -> tuple[AbstractJoint, ...]:
+    """Make the terms by which bodies that touch conduct, faces and borders alike.
+
+    Of two bodies the first rule that matches their names counts.
+
+    Args:
+        bodies: all bodies of the scene.
+        pairs: conductance h_c of the joints [W/(m^2 K)], by two patterns of names as in
+            `assembly`; infinity bonds, 0 insulates.
+        default: h_c of all other bodies that touch; None to leave them apart.
+        threshold: largest gap of a joint [m]; None for a voxel of the finer body, and
+            for a tenth of it at the border of a sheet.
+
+    Raises:
+        InputError: for a pattern that matches no name, or a value that is wrong.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> cube = jt.shapes.box((0.02, 0.02, 0.02))
+        >>> parts = {"left": cube, "right": cube.moved((0.02, 0.0, 0.0))}
+        >>> def solid(mesh):
+        ...     return jt.FullVolume(jt.voxelize(mesh, pitch=0.01))
+        >>> rules = [jt.Rule("*", solid, material=jt.materials["brick"])]
+        >>> bodies = jt.assembly(parts, rules, temperature=293.15)
+        >>> (contact,) = jt.joints(bodies, {("left", "right"): 500.0})
+        >>> contact.bodies
+        ((0,), (1,))
+    """
+    names = [body.name for body in bodies]
+    rules: list[tuple[Groups | None, TimeVarying]] = [
+        ((_numbers_of(first, names), _numbers_of(second, names)), conductance)
+        for (first, second), conductance in (pairs or {}).items()
+    ]
+    if default is not None:
+        rules.append((None, default))
+    # Sheets alone have borders.
+    has_sheets = any(isinstance(body.structure, Sheet) for body in bodies)
+    kinds = (Contact, Seam) if has_sheets else (Contact,)
+    return tuple(
+        kind(conductance, bodies=groups, threshold=threshold)
+        for groups, conductance in rules
+        for kind in kinds
+    )
+
+
+def _numbers_of(pattern: str, names: Sequence[str]) -> tuple[int, ...]:
+    """Numbers of the bodies whose names a pattern matches.
+
+    Raises:
+        InputError: if there are none.
+    """
+    named = {name: number for number, name in enumerate(names) if name}
+    matching = matching_parts(pattern, named)
+    if not matching:
+        raise InputError(f"joints(pairs=): {unmatched_name(pattern, list(named))}")
+    return tuple(named[name] for name in matching)
