@@ -14,7 +14,11 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.files.exr import read_exr
 from jaxthermo.integrate.run.save_solution import save_solution
 from jaxthermo.integrate.run.solution_file import load_solution
-from jaxthermo.scene.compile.body_names import grouped_lines, named_receipt, with_names
+from jaxthermo.scene.compile.body_names import (
+    grouped_lines,
+    named_receipt,
+    naming_bodies,
+)
 
 
 GRID = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.02)
@@ -93,16 +97,26 @@ def test_parameters_are_found_by_names_with_dots(scene):
         find_path(scene, "bodies.window.temperature")
 
 
-def test_only_whole_mentions_are_named():
-    names = ["a", "", "c"]
-    assert with_names("body 0 and body 2", names) == "body 0 (a) and body 2 (c)"
-    # One that has its name, one without, one that is not there.
-    assert with_names("body 0 (a), body 1", names) == "body 0 (a), body 1"
-    assert with_names("bodies[2]: body 12", names) == "bodies[2] (c): body 12"
-    assert with_names("bodies[2] (c): no", names) == "bodies[2] (c): no"
-    pair = "bodies 0 (a) and 2 (c) overlap"
-    assert with_names("bodies 0 and 2 overlap", names) == pair
-    assert with_names(pair, names) == pair
+# One that has its name, one without, one that is not there.
+MENTIONS = {
+    "body 0 and body 2": "body 0 (a) and body 2 (c)",
+    "body 0 (a), body 1": "body 0 (a), body 1",
+    "bodies[2]: body 12": "bodies[2] (c): body 12",
+    "bodies[2] (c): no": "bodies[2] (c): no",
+    "bodies 0 and 2 overlap": "bodies 0 (a) and 2 (c) overlap",
+    "bodies 0 (a) and 2 (c) overlap": "bodies 0 (a) and 2 (c) overlap",
+}
+
+
+@pytest.mark.parametrize("line", MENTIONS)
+def test_only_whole_mentions_are_named(line):
+    @naming_bodies
+    def refuse(scene):
+        raise InputError(line)
+
+    with pytest.raises(InputError) as error:
+        refuse(jt.Scene((cube("a"), cube("", 0.2), cube("c", 0.4))))
+    assert str(error.value) == MENTIONS[line]
 
 
 def test_many_lines_that_differ_in_bodies_are_one():
