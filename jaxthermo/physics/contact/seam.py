@@ -226,7 +226,7 @@ class _Side:
             half_cell=device_array(half_cell, self.dtype),
             per_capacity=jnp.broadcast_to(1 / capacity, half_cell.shape),
             # No face takes part.
-            area_fraction=np.zeros(len(node), self.dtype),
+            area_fraction=device_array(np.zeros(len(node), self.dtype)),
             conductivity_parts=None if parts is None else parts[:, fragment],
         )
 

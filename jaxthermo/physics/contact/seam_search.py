@@ -264,9 +264,10 @@ def _on_border(
     if b.samples is None:
         return np.zeros(len(samples.point), bool), np.zeros(len(samples.point), int)
     neighbours = min(_NEIGHBOURS, len(b.samples.point))
-    distance, near = KDTree(b.samples.point).query(
-        samples.point, k=range(1, neighbours + 1)
-    )
+    distances, numbers = KDTree(b.samples.point).query(samples.point, k=neighbours)
+    # One neighbour has no column of its own.
+    distance = np.reshape(distances, (-1, neighbours))
+    near = np.reshape(numbers, (-1, neighbours))
     # Points between two samples of a border are up to half their distance from one.
     is_near = distance <= np.hypot(gap, b.samples.length[near] / 2)
     # A border that crosses is beside the seam.

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from ...arrays import is_traced
 from ...errors import InputError
 from ...physics.contact.joint import AbstractJoint
@@ -39,9 +41,8 @@ def _conductance(term: AbstractJoint) -> str:
         return ", with a conductance that varies"
     if is_traced(h_c):
         return ""
-    if math.isinf(h_c):
-        return ", bonded"
-    return f", with {float(h_c):.4g} W/(m2 K)"
+    value = float(np.asarray(h_c))
+    return ", bonded" if math.isinf(value) else f", with {value:.4g} W/(m2 K)"
 
 
 def check_joints(scene: Scene, snapshots: Sequence[Snapshot]) -> None:

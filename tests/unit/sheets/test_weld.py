@@ -71,7 +71,7 @@ def test_strips_within_the_weld_keep_their_area(weld):
     y = np.array([0, 0.2, 0.2009, 0.202, 0.6])
     plate = grid_plate(x, y)
     cells = sheet_cells(plate, pitch=0.2, weld=weld)
-    assert cells.welded_vertices > 0
+    assert cells.welded.welded_vertices > 0
     assert (cells.face_area > 0).all()
     assert cells.area.sum() == pytest.approx(plate.area, rel=1e-12)
     assert cells.fragments.area.sum() == pytest.approx(plate.area, rel=1e-12)

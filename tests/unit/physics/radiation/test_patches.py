@@ -43,7 +43,6 @@ def patches_at(body, points, normals):
         body.pose.to_world(points),
         face=(body.pose.rotate(normals) @ face_normal.T).argmax(1),
         space=np.zeros(len(points), int),
-        body=np.zeros(len(points), int),
     )
 
 
