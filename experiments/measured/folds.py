@@ -1,7 +1,7 @@
 """Errors of a model without a fit, and with fits that leave out a part of the data."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
 from calibrate.problem.problem import Problem
+from calibrate.problem.targets import SurfaceTarget
 from jaxthermo.arrays import precision
 
 
@@ -25,8 +26,10 @@ class Residuals(NamedTuple):
 def residuals_of(problem: Problem) -> Residuals:
     """Residuals of a problem with one value at each time, compiled once."""
     (case,) = problem.cases
-    compared = np.asarray(case.target.scale).reshape(-1) > 0
-    scale = np.asarray(case.target.scale).reshape(-1)[compared]
+    assert isinstance(case.target, SurfaceTarget)
+    weight = np.asarray(case.target.scale).reshape(-1)
+    compared = weight > 0
+    scale = weight[compared]
     with precision(problem.dtype.name):
         tables = problem.step_tables_at(problem.start())
 
@@ -37,7 +40,7 @@ def residuals_of(problem: Problem) -> Residuals:
         at = eqx.filter_jit(rows)
         slope = eqx.filter_jit(jax.jacfwd(rows))
 
-    def host(function: Callable[[np.ndarray], jax.Array]):
+    def host(function: Callable[[Any], jax.Array]):
         def called(z: np.ndarray) -> np.ndarray:
             with precision(problem.dtype.name):
                 return np.asarray(function(np.asarray(z, float)))
@@ -51,10 +54,14 @@ def fitted(
     residuals: Residuals, used: Bool[np.ndarray, " t"]
 ) -> Float[np.ndarray, " p"]:
     """Coordinates that are fitted to the rows that are used."""
+
+    def slope(z: np.ndarray) -> Any:
+        return residuals.slope(z)[used]
+
     result = least_squares(
         lambda z: residuals.at(z)[used],
         x0=np.zeros(residuals.size),
-        jac=lambda z: residuals.slope(z)[used],
+        jac=cast(Any, slope),
         method="lm",
         xtol=1e-6,
         ftol=1e-6,

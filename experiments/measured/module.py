@@ -101,14 +101,16 @@ def problem(columns: Columns, law: WindLaw = WATMUFF, sky: str = "swinbank") -> 
     """
     module = scene(columns, law, sky)
     saves = tuple(columns["time"][1:].tolist())
-    back = np.flatnonzero(module.bodies[0].structure.grid.fragment_face == 1)[:1]
+    face = module.bodies[0].structure.grid.fragment_face
+    assert face is not None
+    back = np.flatnonzero(face == 1)[:1]
     measured = kelvin(columns["module_temperature_C"])[1:]
-    count = len(module.bodies[0].structure.grid.fragment_face)
-    scale = np.zeros((len(saves), count))
+    reference: Any = np.repeat(measured[:, None], len(face), axis=1)
+    scale: Any = np.zeros((len(saves), len(face)))
     scale[:, back] = 1 / math.sqrt(len(saves))
     target = SurfaceTarget(
         times=saves,
-        reference=np.repeat(measured[:, None], count, axis=1),
+        reference=reference,
         scale=scale,
     )
     run = ParametricRun(saves, jt.SuperTimeStepping(dt=STEP, stages=3))

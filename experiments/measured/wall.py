@@ -1,6 +1,7 @@
 """The west wall of a test house, in the long wave and the sunlight on its own plane."""
 
 import math
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -73,19 +74,18 @@ def problem(
     """
     wall = scene(columns, law)
     saves = tuple(columns["time_s"][1:].tolist())
-    faces = [body.structure.grid.fragment_face for body in wall.bodies]
-    count = sum(map(len, faces))
+    count = sum(len(body.structure.grid.fragment_area) for body in wall.bodies)
     face = 0 if name == "outer_surface_degC" else 1
-    fragment = np.flatnonzero(faces[0] == face)[0]
+    fragment = np.flatnonzero(wall.bodies[0].structure.grid.fragment_face == face)[0]
     measured = columns[name][1:]
     is_known = np.isfinite(measured)
-    scale = np.zeros((len(saves), count))
+    known = kelvin(np.where(is_known, measured, 0.0))
+    reference: Any = np.repeat(known[:, None], count, axis=1)
+    scale: Any = np.zeros((len(saves), count))
     scale[:, fragment] = 1 / math.sqrt(len(saves))
     target = SurfaceTarget(
         times=saves,
-        reference=np.repeat(
-            kelvin(np.where(is_known, measured, 0.0))[:, None], count, axis=1
-        ),
+        reference=reference,
         scale=scale,
     )
     run = ParametricRun(saves, jt.SuperTimeStepping(dt=STEP, stages=9))

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.memo.found import forget_findings, searches_recorded
+from jaxthermo.physics.contact.search import ContactPairs
 from jaxthermo.physics.radiation.visibility import sky_view
 from jaxthermo.scene.compile.bodies import prepare
 from jaxthermo.scene.compile.groups import body_groups
@@ -147,10 +148,11 @@ def test_contacts_of_bodies_that_move_together_are_searched_for_once():
     forget_findings()
     snapshots, searches = snapshots_of(street(jt.Contact(500.0), turn=0.8))
     pairs_near = searches["contacts of bodies"]
-    areas = [snapshot.pairs[0, 0, 1].area for snapshot in snapshots]
-    assert areas[0].sum() > 0.2 * 0.15
-    assert all(area is areas[0] for area in areas)
-    assert len({id(snapshot.pairs[0, 0, 4].area) for snapshot in snapshots}) > 1
+    contacts = [snapshot.pairs[0, 0, 1] for snapshot in snapshots]
+    assert isinstance(contacts[0], ContactPairs)
+    assert contacts[0].area.sum() > 0.2 * 0.15
+    assert all(contact is contacts[0] for contact in contacts)
+    assert len({id(snapshot.pairs[0, 0, 4]) for snapshot in snapshots}) > 1
     _, again = snapshots_of(street(jt.Contact(400.0), turn=0.8))
     assert pairs_near > len(STARTS) and not again["contacts of bodies"]
 

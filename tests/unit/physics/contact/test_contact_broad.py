@@ -130,7 +130,7 @@ def test_contacts_of_bodies_that_move_together_are_found_once():
     assert searches == ["contacts of bodies"]
     bodies, there, searches = contacts(away, away)
     assert there is here and not searches
-    alone = find_contacts(*bodies)
+    alone = find_contacts(bodies[0], bodies[1])
     assert_array_equal(alone.fragment_a, here.fragment_a)
     assert_array_equal(alone.fragment_b, here.fragment_b)
     assert_allclose(alone.area, here.area, rtol=1e-9)
