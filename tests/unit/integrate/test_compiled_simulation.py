@@ -17,7 +17,8 @@ from jaxthermo.integrate.run import surface_reading
 from jaxthermo.memo.found import findings_size, forget_findings
 from jaxthermo.network import multigrid
 from jaxthermo.physics import conduction, surface
-from jaxthermo.scene.compile import probes, snapshots
+from jaxthermo.physics.contact import links
+from jaxthermo.scene.compile import probes
 from tests.bodies import blocks
 
 
@@ -221,7 +222,7 @@ def test_a_body_that_moved_costs_its_contacts_and_nothing_of_its_structure(count
     # Of its own, so that nothing is known of it.
     structure = jt.Aggregate(blocks(np.ones((4, 4, 8), bool), 0.01), factor=2)
     calls, count = counted
-    count(snapshots, "contacts_between")
+    count(links, "contacts_between")
     count(conduction, "row_layout")
     count(surface, "_enclosing")
 
