@@ -13,7 +13,7 @@ sky above the horizon and the ground below it. Without obstacles F_sky = (1 + n_
 and F_ground = (1 - n_z) / 2.
 """
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -201,12 +201,17 @@ def _samples(
     raised: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     pitch: SquareEdge,
-) -> Iterator[Float[np.ndarray, "s 3"]]:
-    """The four samples around lifted points, one after the other."""
+) -> Float[np.ndarray, "n 3"]:
+    """The first samples around all lifted points, then the second ones, of four."""
     radius = _SAMPLE_RADIUS * np.reshape(pitch, (-1, 1))
     first, second = (t * radius for t in tangents(normal))
-    for offset in (first, -first, second, -second):
-        yield raised + offset
+    offsets = np.stack([first, -first, second, -second])
+    return (raised + offsets).reshape(-1, 3)
+
+
+def _lit_bits(is_lit: Bool[np.ndarray, " n"]) -> Sight:
+    """Samples of each point, one a bit, from those in the order of `_samples`."""
+    return np.packbits(is_lit.reshape(4, -1), axis=0, bitorder="little")[0]
 
 
 @stored_search("shadows")
@@ -229,23 +234,21 @@ def sunlit_samples(
         return lit
     # The map covers only surfaces that may be lit: a vast ground costs nothing.
     view = orthographic_view(position[facing], direction, _shadow_pixel(pitch))
-    corners = view.project(triangles)
     raised = position[facing] + normal[facing] * _LIFT * view.pitch
     edge = edges_of_points(pitch, facing)
-    for bit, sample in enumerate(_samples(raised, normal[facing], edge)):
-        at = view.project(sample)
-        is_lit = np.ones(len(facing), bool)
-        window = _window(
-            view,
-            corners=corners,
-            at=at,
-            is_behind=lambda nearest, _, at=at: at[:, 2] > nearest,
-            task="a shadow map",
-        )
-        if window is not None:
-            nearest = window.nearest[window.row, window.column]
-            is_lit[window.points] = at[window.points, 2] <= nearest
-        lit[facing] |= is_lit.astype(np.uint8) << bit
+    at = view.project(_samples(raised, normal[facing], edge))
+    is_lit = np.ones(len(at), bool)
+    window = _window(
+        view,
+        corners=view.project(triangles),
+        at=at,
+        is_behind=lambda nearest, _: at[:, 2] > nearest,
+        task="a shadow map",
+    )
+    if window is not None:
+        nearest = window.nearest[window.row, window.column]
+        is_lit[window.points] = at[window.points, 2] <= nearest
+    lit[facing] = _lit_bits(is_lit)
     return lit
 
 
@@ -273,10 +276,8 @@ def lit_samples_from_point(
         size = view.pixel * view.project(position[seen])[:, 2]
         raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
         edge = edges_of_points(pitch, seen)
-        for bit, sample in enumerate(_samples(raised, normal[seen], edge)):
-            at = view.project(sample)
-            is_lit = at[:, 2] <= nearest[pixels_at(view, at)]
-            lit[seen] |= is_lit.astype(np.uint8) << bit
+        at = view.project(_samples(raised, normal[seen], edge))
+        lit[seen] = _lit_bits(at[:, 2] <= nearest[pixels_at(view, at)])
     return lit
 
 
