@@ -23,6 +23,7 @@ from ..voxels.fragment_pieces import Facing
 from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
 from .occluder import Occluder, joined_triangles
+from .together import found_between
 
 
 class Omitted(NamedTuple):
@@ -430,11 +431,11 @@ def _enclosing(
             if other_number != number:
                 pose = poses[other_number]
                 # Bodies that move together keep what is inside of them.
-                length = min(around.pitch, grid.pitch)
-                faced = found(
+                faced = found_between(
                     (around, grid),
-                    ("surrounding", poses[number].relative_key(pose, length)),
-                    partial(
+                    poses=(poses[number], pose),
+                    by=("surrounding",),
+                    find=partial(
                         _surrounding,
                         around.cavities,
                         around=poses[number],

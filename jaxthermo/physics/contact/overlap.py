@@ -21,8 +21,8 @@ from ...errors import InputError
 from ...geometry.vectors import row_dot
 from ...memo.stored import stored_search
 from ...sheets.sheet_grid import SheetGrid
+from ..together import found_between
 from .rays import ContactRange, PlacedGrid, coarser_pitch
-from .together import found_between
 
 
 # Voxels that are compared at a time, which limits the memory.
@@ -105,10 +105,10 @@ def find_overlaps(
     overlaps = {}
     for i, j in _near_pairs(bodies):
         overlap = found_between(
-            bodies[i],
-            bodies[j],
-            ("overlap", i, j),
-            partial(_overlap_in_first, bodies, i, j),
+            (bodies[i].grid, bodies[j].grid),
+            poses=(bodies[i].pose, bodies[j].pose),
+            by=("overlap", i, j),
+            find=partial(_overlap_in_first, bodies, i, j),
             search="overlaps of bodies",
         )
         if overlap is not None:

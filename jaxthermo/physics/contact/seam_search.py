@@ -22,10 +22,10 @@ from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...memo.stored import stored_search
 from ...sheets.sheet_grid import SheetGrid
 from ...sheets.surface import proper_faces
+from ..together import found_between
 from .rays import PlacedGrid
 from .search import overlapping_pairs
 from .shares import fragment_shares
-from .together import found_between
 
 
 _SAMPLES = 4
@@ -202,10 +202,10 @@ def seams_between(
     ).tolist():
         gap = float(gaps[[i, j]].min())
         pairs = found_between(
-            bodies[i],
-            bodies[j],
-            ("seam", gap),
-            partial(_both_seams, outlines[i], outlines[j], gap),
+            (bodies[i].grid, bodies[j].grid),
+            poses=(bodies[i].pose, bodies[j].pose),
+            by=("seam", gap),
+            find=partial(_both_seams, outlines[i], outlines[j], gap),
             search="seams of bodies",
         )
         if pairs.rows:

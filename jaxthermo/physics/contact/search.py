@@ -17,10 +17,10 @@ from jaxtyping import Float, Int
 from ...arrays import Scalar
 from ...errors import InputError
 from ...memo.stored import stored_search
+from ..together import found_between
 from .overlap import require_shallow
 from .rays import MAX_SLANT, ContactRange, PlacedGrid, ray_hits
 from .shares import fragment_shares
-from .together import found_between
 
 
 # Largest number of pixels along the longer edge of a view of two boxes' overlap.
@@ -182,7 +182,10 @@ def broad_phase(
         b = bodies[j]
         reach = float(margin[[i, j]].max())
         separated = found_between(
-            a, b, ("separated", reach), partial(_are_separated, a, b, reach)
+            (a.grid, b.grid),
+            poses=(a.pose, b.pose),
+            by=("separated", reach),
+            find=partial(_are_separated, a, b, reach),
         )
         may_touch.append(not separated)
     return _BroadPhase(
@@ -290,10 +293,10 @@ def contacts_between(
         a = bodies[i]
         b = bodies[j]
         pairs = found_between(
-            a,
-            b,
-            ("contact", gap),
-            partial(find_contacts, a, b, gap),
+            (a.grid, b.grid),
+            poses=(a.pose, b.pose),
+            by=("contact", gap),
+            find=partial(find_contacts, a, b, gap),
             search="contacts of bodies",
         )
         if pairs.count:

@@ -3,16 +3,17 @@
 from collections.abc import Callable, Hashable
 from typing import TypeVar
 
-from ...memo.found import found
-from .rays import PlacedGrid
+from ..geometry.mesh import Pose
+from ..memo.found import found
+from ..voxels.abstract_grid import AbstractGrid
 
 
 _Finding = TypeVar("_Finding")
 
 
 def found_between(
-    first: PlacedGrid,
-    second: PlacedGrid,
+    grids: tuple[AbstractGrid, AbstractGrid],
+    poses: tuple[Pose, Pose],
     by: tuple[Hashable, ...],
     find: Callable[[], _Finding],
     search: str = "",
@@ -20,13 +21,12 @@ def found_between(
     """Search about two bodies, once as long as they keep their places in one another.
 
     Args:
-        first: a body.
-        second: another one.
+        grids: of both bodies.
+        poses: of both bodies.
         by: values on which the result depends, besides the grids and the places.
         find: the search.
         search: its name for the receipt.
     """
-    length = min(first.pitch, second.pitch)
-    place = first.pose.relative_key(second.pose, length)
-    grids = (first.grid, second.grid)
+    first, second = poses
+    place = first.relative_key(second, min(grid.pitch for grid in grids))
     return found(grids, by=(*by, place), find=find, search=search)
