@@ -10,7 +10,6 @@ from typing_extensions import override
 import jaxthermo as jt
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import SurfaceTarget
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.physics.convection.linear_wind import linear_in
 from jaxthermo.physics.heat_source import VolumeBinding
@@ -26,6 +25,7 @@ from .laws import (
     WATMUFF,
     WindLaw,
 )
+from .thermocouple import thermocouple
 
 
 STEP = 60.0  # [s]
@@ -95,23 +95,16 @@ def scene(columns: Columns, law: WindLaw = WATMUFF, sky: str = "swinbank") -> jt
 
 
 def problem(columns: Columns, law: WindLaw = WATMUFF, sky: str = "swinbank") -> Problem:
-    """The numbers that are fitted, and the module's back as data after the first row.
-
-    Its residuals are in kelvin, over the root of their number.
-    """
+    """The numbers that are fitted, and the back as data after the first row."""
     module = scene(columns, law, sky)
     saves = tuple(columns["time"][1:].tolist())
     face = module.bodies[0].structure.grid.fragment_face
     assert face is not None
-    back = np.flatnonzero(face == 1)[:1]
-    measured = kelvin(columns["module_temperature_C"])[1:]
-    reference: Any = np.repeat(measured[:, None], len(face), axis=1)
-    scale: Any = np.zeros((len(saves), len(face)))
-    scale[:, back] = 1 / math.sqrt(len(saves))
-    target = SurfaceTarget(
-        times=saves,
-        reference=reference,
-        scale=scale,
+    target = thermocouple(
+        saves,
+        kelvin(columns["module_temperature_C"])[1:],
+        fragment=int(np.flatnonzero(face == 1)[0]),
+        fragments=len(face),
     )
     run = ParametricRun(saves, jt.SuperTimeStepping(dt=STEP, stages=3))
     return Problem(_parameters(), (Case("module", module, run, target),))

@@ -1,20 +1,17 @@
 """The west wall of a test house, in the long wave and the sunlight on its own plane."""
 
-import math
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
 
 import jaxthermo as jt
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import SurfaceTarget
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.weather.sky import sky_temperature
 
 from .data import Columns, kelvin
 from .laws import INNER_WALL, OUTER_WALL, WATMUFF, WindLaw
+from .thermocouple import thermocouple
 
 
 STEP = 600.0  # [s]
@@ -67,26 +64,16 @@ def scene(columns: Columns, law: WindLaw = WATMUFF) -> jt.Scene:
 def problem(
     columns: Columns, name: str = "outer_surface_degC", law: WindLaw = WATMUFF
 ) -> Problem:
-    """The numbers that are fitted, and the outer surface or the layer as data.
-
-    Rows without data count 0 in its residuals, which are over the root of the number
-    of rows.
-    """
+    """The numbers that are fitted, and the outer surface or the layer as data."""
     wall = scene(columns, law)
     saves = tuple(columns["time_s"][1:].tolist())
-    count = sum(len(body.structure.grid.fragment_area) for body in wall.bodies)
     face = 0 if name == "outer_surface_degC" else 1
-    fragment = np.flatnonzero(wall.bodies[0].structure.grid.fragment_face == face)[0]
-    measured = columns[name][1:]
-    is_known = np.isfinite(measured)
-    known = kelvin(np.where(is_known, measured, 0.0))
-    reference: Any = np.repeat(known[:, None], count, axis=1)
-    scale: Any = np.zeros((len(saves), count))
-    scale[:, fragment] = 1 / math.sqrt(len(saves))
-    target = SurfaceTarget(
-        times=saves,
-        reference=reference,
-        scale=scale,
+    of_face = np.flatnonzero(wall.bodies[0].structure.grid.fragment_face == face)
+    target = thermocouple(
+        saves,
+        kelvin(columns[name])[1:],
+        fragment=int(of_face[0]),
+        fragments=sum(len(body.structure.grid.fragment_area) for body in wall.bodies),
     )
     run = ParametricRun(saves, jt.SuperTimeStepping(dt=STEP, stages=9))
     parameters = (
