@@ -140,14 +140,31 @@ def stacked(values: Sequence[Any], dtype: Any) -> Any:
     """Numbers as one array: of numpy, unless one of them is of JAX or traced."""
     known = _known_rows.get() or {}
     rows = [known.get(id(value)) for value in values]
-    first = rows[0]
-    if first is not None and all(row and row.array is first.array for row in rows):
-        numbers = np.array([row.number for row in rows if row])
-        is_whole = np.array_equal(numbers, np.arange(len(first.array)))
-        array = first.array if is_whole else first.array[numbers]
-        return array.astype(dtype)
+    if any(row is not None for row in rows):
+        return _gathered(values, rows, dtype)
     xp = array_namespace(values)
     return xp.stack([xp.asarray(value, dtype) for value in values])
+
+
+def _gathered(
+    values: Sequence[Any], rows: Sequence[_Row | None], dtype: Any
+) -> Float[Array, "b ..."]:
+    """Values as one array, those that are rows from the arrays of these rows."""
+    sources: list[Array] = []
+    first_of: dict[int, int] = {}
+    index = []
+    end = 0
+    for value, row in zip(values, rows, strict=True):
+        source = row.array if row else jnp.asarray(value)[None]
+        if id(source) not in first_of:
+            first_of[id(source)] = end
+            sources.append(source)
+            end += len(source)
+        index.append(first_of[id(source)] + (row.number if row else 0))
+    typed = [source.astype(dtype) for source in sources]
+    array = typed[0] if len(typed) == 1 else jnp.concatenate(typed)
+    is_whole = np.array_equal(index, np.arange(end))
+    return array if is_whole else array[np.array(index)]
 
 
 def device_array(value: Any, dtype: Any = None) -> Any:

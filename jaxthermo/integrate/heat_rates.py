@@ -257,7 +257,7 @@ class AirCoupling(Module):
     """Derivatives of heat rates between all nodes and a body of air."""
 
     body: int = eqx.field(static=True)
-    """Number of the body of air."""
+    """Number of the body of air in the program."""
     into_nodes: State
     """Heat rate into each node by a rise of the air [W/K]; 0 for the air itself."""
     into_air: State
@@ -288,22 +288,22 @@ def air_couplings(
     is_symmetric = all(body.network.is_linear for body in program.bodies)
     couplings = []
     for air in program.airs:
+        group = program.group_of(air.body)
         rise = tuple(
-            jnp.full_like(state, number == air.body)
-            for number, state in enumerate(states)
+            jnp.full_like(state, number == group) for number, state in enumerate(states)
         )
         _, into_nodes = jax.jvp(rates, (states,), (rise,))
         into_air = into_nodes
         if not is_symmetric:
             _, pullback = jax.vjp(rates, states)
             (into_air,) = pullback(rise)
-        capacity = program.bodies[air.body].network.capacity()
+        capacity = program.bodies[group].network.capacity()
         couplings.append(
             AirCoupling(
-                body=air.body,
-                into_nodes=_without(into_nodes, air.body),
-                into_air=_without(into_air, air.body),
-                own_slope=-into_nodes[air.body] / capacity,
+                body=group,
+                into_nodes=_without(into_nodes, group),
+                into_air=_without(into_air, group),
+                own_slope=-into_nodes[group] / capacity,
                 is_symmetric=is_symmetric,
             )
         )

@@ -22,6 +22,7 @@ from ..network.multigrid import MAX_DENSE_SIZE, link_conductance, node_layout
 from ..network.network import AbstractNetwork, AbstractNodeNetwork
 from ..physics.convection.enclosed_air import AirLaw
 from ..physics.time_varying import value_at
+from ..scene.compile.groups import body_groups
 from ..scene.compile.program import Program, State
 from ..scene.scene import Scene
 from ..structures.structure import AbstractStructure
@@ -126,7 +127,7 @@ def find_isolated_components(
     dtype = states[0].dtype
     probe = jnp.asarray(_MIN_PROBE_TEMPERATURE, dtype)
     warmed = tuple(
-        jnp.maximum(state, body.network.state_of(probe - body.reference))
+        jnp.maximum(state, body.network.state_of(probe - body.node_reference))
         for body, state in zip(program.bodies, states, strict=True)
     )
     # One program instead of one an operation; only signs are used.
@@ -143,7 +144,8 @@ def find_isolated_components(
     loses_heat[component[(_flat(slopes) > 0) | (capacity == 0)]] = True
     starts = np.cumsum([0, *(state.size for state in states)])
     for air in program.airs:
-        loses_heat[component[starts[air.body]]] |= float(value_at(air.rate, time)) > 0
+        node = starts[program.group_of(air.body)]
+        loses_heat[component[node]] |= float(value_at(air.rate, time)) > 0
     inside = ~loses_heat[component]
     if not inside.any():
         return None
@@ -196,7 +198,13 @@ def _refuse_heated(program: Program, states: State, time, number, capacity) -> N
     worst = heated[np.abs(net[heated]).argmax()]
     # The component with most net heat is named, in the user's terms.
     inside = number == worst
-    bodies = np.repeat(np.arange(len(states)), [state.size for state in states])
+    of_bodies = jnp.arange(program.body_count)
+    bodies = np.concatenate(
+        [
+            np.broadcast_to(np.asarray(body.at_nodes(of_bodies)), state.size)
+            for body, state in zip(program.bodies, states, strict=True)
+        ]
+    )
     named = ", ".join(str(b) for b in np.unique(bodies[inside]))
     fraction = capacity[inside].sum() / capacity[np.isin(bodies, bodies[inside])].sum()
     raise InputError(
@@ -216,8 +224,8 @@ def _components(
 ) -> Int[np.ndarray, " v"]:
     """Label every entry of all states by an entry that conduction connects it to."""
     labels = [
-        _body_components(body.structure, compiled_body.network.linear)
-        for body, compiled_body in zip(scene.bodies, program.bodies, strict=True)
+        _body_components(group.structure, body.network.linear)
+        for group, body in zip(body_groups(scene), program.bodies, strict=True)
     ]
     starts = np.cumsum([0, *(label.size for label in labels)])
     flat = np.concatenate(

@@ -211,15 +211,15 @@ def node_layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
 def _layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
     nodes = structure.nodes()
     links = structure.links()
-    lattice = structure.grid.lattice
     pairs = np.stack([links.src, links.dst], axis=1)
-    graph = _Graph((nodes.centre - lattice.origin) / lattice.pitch, nodes.volume, pairs)
+    graph = _Graph(structure.cell_position(), nodes.volume, pairs)
+    size = graph.centre.max(initial=0)
     edge = 1
     coarser = []
     while len(graph.weight) > max_nodes and len(graph.links):
         edge *= 2
         group = _groups(graph, edge)
-        if group.max() + 1 <= _MAX_SIZE_RATIO * len(group) or edge > max(lattice.shape):
+        if group.max() + 1 <= _MAX_SIZE_RATIO * len(group) or edge > size:
             level, graph = _merged(graph, group)
             coarser.append(level)
     rows = row_layout(len(nodes.volume), links.src, links.dst)

@@ -53,6 +53,17 @@ def segment_sums(segments: Sequence[slice], count: int) -> SegmentSums:
     return SegmentSums(tuple(levels))
 
 
+def sums_of_lists(lists: Sequence[Int[np.ndarray, " _"]], count: int) -> SegmentSums:
+    """Return the sums of the values with these indices, of an array of `count`."""
+    sums = sums_of_sizes([len(indices) for indices in lists])
+    # Index of each value, and one past the last value for none.
+    index = np.append(np.concatenate(lists), count).astype(np.int32)
+    if np.array_equal(index, np.arange(count + 1)):
+        return sums
+    first, *others = sums.levels
+    return SegmentSums((device_array(index[np.asarray(first)]), *others))
+
+
 def sums_of_sizes(sizes: Sequence[int]) -> SegmentSums:
     """Return the sums of segments of these sizes, one after the other."""
     return segment_sums(consecutive(sizes), sum(sizes))

@@ -235,7 +235,12 @@ def linear_system(scene: Scene, t1: float) -> LinearSystem:
     arranged = arranged_for_solves(replace(scene, dtype="float64"))
     with precision("float64"):
         compiled = compile_scene(
-            arranged, 1, t1, method="implicit", save_times=(float(t1),)
+            arranged,
+            1,
+            t1,
+            method="implicit",
+            save_times=(float(t1),),
+            joins=False,
         )
         inputs = find_inputs(compiled, t1)
 

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..arrays import array_namespace, is_traced, typed_array
+from ..arrays import is_traced, stacked
 from ..errors import InputError
 from ..material.layer import Layer
 
@@ -134,37 +134,47 @@ def _move_to(interfaces: Float[np.ndarray, " i"], edges: Float[np.ndarray, " e"]
 
 
 class CellValues(NamedTuple):
-    """Sums over the pieces of each of the m cells of a stack."""
+    """Sums over the pieces of each of the m cells of several stacks."""
 
-    conductance: Float[Any, " m"]
+    conductance: Float[Any, "p m"]
     """Conductance along the surface of a square, sum of k d [W/K]."""
-    capacity: Float[Any, " m"]
+    capacity: Float[Any, "p m"]
     """Heat capacity of an area, sum of rho c_p d [J/(m^2 K)]."""
-    to_front: Float[Any, " m"]
+    to_front: Float[Any, "p m"]
     """Resistance to the cell's front face [m^2 K/W]."""
-    to_back: Float[Any, " m"]
+    to_back: Float[Any, "p m"]
     """Resistance to its back face [m^2 K/W]."""
 
 
-def cell_values(layers: Sequence[Layer], division: Division, dtype: Any) -> CellValues:
-    """Values of the cells of a stack: numpy arrays unless a layer is traced."""
-    fraction = np.asarray(division, dtype)
-    depth = fraction * _table([layer.thickness for layer in layers], dtype)
-    k = _table([layer.conductivity for layer in layers], dtype)
-    heat = [layer.material.volumetric_heat_capacity for layer in layers]
-    capacity = depth * _table(heat, dtype)
+def cell_values(
+    stacks: Sequence[Sequence[Layer]], divisions: Sequence[Division], dtype: Any
+) -> CellValues:
+    """Values of the cells of stacks: numpy arrays unless a layer is traced."""
+    layers = [layer for stack in stacks for layer in stack]
+    counts = [len(stack) for stack in stacks]
+    # Stacks of fewer layers than others have more of their last one, of no thickness.
+    position = np.minimum(np.arange(max(counts)), np.array(counts)[:, None] - 1)
+    position += (np.cumsum(counts) - counts)[:, None]
+    fraction = np.zeros((len(stacks), len(divisions[0]), max(counts)), dtype)
+    for row, division in zip(fraction, divisions, strict=True):
+        row[:, : len(division[0])] = division
+
+    def table(numbers: Sequence[Any]) -> Float[Any, "p 1 l"]:
+        return stacked(numbers, dtype)[position][:, None]
+
+    depth = fraction * table([layer.thickness for layer in layers])
+    k = table([layer.conductivity for layer in layers])
+    density = table([layer.material.density for layer in layers])
+    capacity = (
+        depth * density * table([layer.material.specific_heat for layer in layers])
+    )
     resistance = depth / k
-    to_middle = resistance.cumsum(axis=1) - resistance / 2
-    total = capacity.sum(axis=1)
-    to_front = (capacity * to_middle).sum(axis=1) / total
+    to_middle = resistance.cumsum(axis=-1) - resistance / 2
+    total = capacity.sum(axis=-1)
+    to_front = (capacity * to_middle).sum(axis=-1) / total
     return CellValues(
-        conductance=(depth * k).sum(axis=1),
+        conductance=(depth * k).sum(axis=-1),
         capacity=total,
         to_front=to_front,
-        to_back=resistance.sum(axis=1) - to_front,
+        to_back=resistance.sum(axis=-1) - to_front,
     )
-
-
-def _table(numbers: Sequence[Any], dtype: Any) -> Float[Any, "1 l"]:
-    values = [typed_array(number, dtype) for number in numbers]
-    return array_namespace(values).stack(values)[None]

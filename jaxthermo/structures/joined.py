@@ -1,23 +1,24 @@
 """Several bodies as one structure, whose nodes no link joins to those of another body.
 
-Nodes, links and fragments of the bodies follow one another, each in the frame of its
-own body: positions of two bodies are not comparable.
+Fragments of the bodies follow one another, and so do their nodes, except for the cells
+of columns: those come first, layer by layer, as in a body with columns. All positions
+are in the frames of their own bodies, and those of two bodies are not comparable.
 """
 
 from collections.abc import Callable, Hashable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from typing_extensions import override
 
-from ..arrays import consecutive
+from ..arrays import consecutive, namespace
 from ..errors import InputError
 from ..memo.found import found
 from ..voxels.abstract_grid import AbstractGrid
-from .structure import AbstractStructure, Links, Nodes
+from .structure import AbstractStructure, ColumnLayout, Links, Nodes
 from .weights import ConductionWeights
 
 
@@ -66,8 +67,16 @@ def _depths(grid: AbstractGrid) -> Float[np.ndarray, " s"]:
     return np.full(len(grid.fragment_area), grid.pitch / 2)
 
 
+class _SortedLinks(NamedTuple):
+    links: Links
+    order: Int[np.ndarray, " e"]
+
+
 class JoinedStructure(AbstractStructure):
-    """Nodes, links and fragments of several structures without weights."""
+    """Nodes, links and fragments of several structures without weights.
+
+    All of them have columns of the same number of cells, or none.
+    """
 
     grid: JoinedGrid = eqx.field(static=True)
     parts: tuple[AbstractStructure, ...]
@@ -91,10 +100,31 @@ class JoinedStructure(AbstractStructure):
     def options(self) -> Hashable:
         return type(self), *(part.options for part in self.parts)
 
-    @cached_property
-    def node_slices(self) -> list[slice]:
-        """Nodes of each part."""
-        return consecutive(part.node_count for part in self.parts)
+    def nodes_of_parts(self) -> list[Int[np.ndarray, " _"]]:
+        """Number of each node of each part."""
+        return self.found("nodes of parts", self._nodes_of_parts)
+
+    def _nodes_of_parts(self) -> list[Int[np.ndarray, " _"]]:
+        columns = [part.columns() for part in self.parts]
+        links = [None if layout is None else layout.link for layout in columns]
+        layers = 0 if links[0] is None else len(links[0])
+        counts = [0 if link is None else link.shape[1] for link in links]
+        behind = consecutive(
+            part.node_count - layers * count
+            for part, count in zip(self.parts, counts, strict=True)
+        )
+        layer = sum(counts) * np.arange(layers)[:, None]
+        numbers = []
+        for cells, others in zip(consecutive(counts), behind, strict=True):
+            of_cells = layer + np.arange(cells.start, cells.stop)
+            of_others = layers * sum(counts) + np.arange(others.start, others.stop)
+            number = np.concatenate([of_cells.reshape(-1), of_others])
+            numbers.append(number.astype(np.int32))
+        return numbers
+
+    def _node_order(self) -> Int[np.ndarray, " n"]:
+        """Position of each node among those of all parts, one after the other."""
+        return np.argsort(np.concatenate(self.nodes_of_parts()))
 
     @cached_property
     def fragment_slices(self) -> list[slice]:
@@ -113,36 +143,67 @@ class JoinedStructure(AbstractStructure):
 
     @override
     def nodes(self) -> Nodes:
-        def join() -> Nodes:
-            nodes = [part.nodes() for part in self.parts]
-            return Nodes(
-                *(np.concatenate(column) for column in zip(*nodes, strict=True))
-            )
-
-        return self.found("joined nodes", join)
+        nodes = [part.nodes() for part in self.parts]
+        order = self.found("joined node order", self._node_order)
+        volumes = [part_nodes.volume for part_nodes in nodes]
+        return Nodes(
+            centre=np.concatenate([part_nodes.centre for part_nodes in nodes])[order],
+            # Those of a sheet follow from thicknesses, which may be traced.
+            volume=namespace(volumes).concatenate(volumes)[order],
+            level=np.concatenate([part_nodes.level for part_nodes in nodes])[order],
+            location=np.concatenate([n.location for n in nodes])[order],
+        )
 
     @override
     def links(self) -> Links:
-        def join() -> Links:
-            shifted = []
-            for part, nodes in zip(self.parts, self.node_slices, strict=True):
+        return self._sorted_links().links
+
+    @property
+    def link_order(self) -> Int[np.ndarray, " e"]:
+        """Position of each link among those of all parts, one after the other."""
+        return self._sorted_links().order
+
+    def _sorted_links(self) -> "_SortedLinks":
+        def join() -> _SortedLinks:
+            renumbered = []
+            for part, number in zip(self.parts, self.nodes_of_parts(), strict=True):
                 links = part.links()
-                start = np.int32(nodes.start)
-                shifted.append(
-                    links._replace(src=links.src + start, dst=links.dst + start)
+                renumbered.append(
+                    links._replace(src=number[links.src], dst=number[links.dst])
                 )
-            return Links(
-                *(np.concatenate(column) for column in zip(*shifted, strict=True))
+            links = Links(
+                *(np.concatenate(column) for column in zip(*renumbered, strict=True))
             )
+            order = np.argsort(links.src, kind="stable")
+            return _SortedLinks(links.selected(order), order)
 
         return self.found("joined links", join)
 
     @override
+    def columns(self) -> ColumnLayout | None:
+        layouts = [
+            layout for part in self.parts if (layout := part.columns()) is not None
+        ]
+        if not layouts:
+            return None
+        rank = np.argsort(self.link_order)
+        firsts = consecutive(part.link_count for part in self.parts)
+        pairs = list(zip(layouts, firsts, strict=True))
+        numbers = zip(layouts, self.nodes_of_parts(), strict=True)
+        return ColumnLayout(
+            link=np.concatenate(
+                [rank[layout.link + links.start] for layout, links in pairs], axis=1
+            ),
+            hub=np.concatenate([number[layout.hub] for layout, number in numbers]),
+            are_linked=any(layout.are_linked for layout in layouts),
+        )
+
+    @override
     def fragment_node(self) -> Int[np.ndarray, " s"]:
         def join() -> Int[np.ndarray, " s"]:
-            pairs = zip(self.parts, self.node_slices, strict=True)
+            pairs = zip(self.parts, self.nodes_of_parts(), strict=True)
             return np.concatenate(
-                [part.fragment_node() + np.int32(nodes.start) for part, nodes in pairs]
+                [number[part.fragment_node()] for part, number in pairs]
             )
 
         return self.found("joined fragment nodes", join)
@@ -159,6 +220,11 @@ class JoinedStructure(AbstractStructure):
 
     def _of_parts(self, values: Callable[[AbstractStructure], Any]) -> np.ndarray:
         return np.concatenate([values(part) for part in self.parts])
+
+    @override
+    def cell_position(self) -> Float[np.ndarray, "n 3"]:
+        position = self._of_parts(lambda part: part.cell_position())
+        return position[self.found("joined node order", self._node_order)]
 
     @override
     def _fragment_offset(self) -> Float[np.ndarray, "s 3"]:

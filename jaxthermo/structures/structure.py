@@ -220,6 +220,11 @@ class AbstractStructure(Module):
         """Same nodes and links in the form that is fastest in implicit solves."""
         return self
 
+    def cell_position(self) -> Float[np.ndarray, "n 3"]:
+        """Centre of each node on the lattice of its body [cells]."""
+        lattice = self.grid.lattice
+        return (self.nodes().centre - lattice.origin) / lattice.pitch
+
     def fragment_offset(self) -> Float[np.ndarray, "s 3"]:
         """Vector from the node of each fragment to the fragment's voxel [m]."""
         return self.found("fragment_offset", self._fragment_offset)

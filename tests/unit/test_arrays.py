@@ -74,6 +74,17 @@ def test_rows_of_one_array_are_put_together_without_operations():
     assert jax.jit(together)(jnp.arange(3.0)).tolist() == [2.0, 0.0]
 
 
+def test_rows_of_several_arrays_and_numbers_are_gathered():
+    def together(first, second):
+        with rows_remembered():
+            a, b = rows_of(first)
+            c, _ = rows_of(second)
+            return stacked([c, 5.0, b, a, c], first.dtype)
+
+    values = jax.jit(together)(jnp.arange(2.0), jnp.array([7.0, 8.0]))
+    assert values.tolist() == [7.0, 5.0, 1.0, 0.0, 7.0]
+
+
 def test_other_numbers_are_stacked():
     assert stacked([1.0, np.float64(2.0)], np.float32).tolist() == [1.0, 2.0]
     rows = rows_of(jnp.arange(2.0))

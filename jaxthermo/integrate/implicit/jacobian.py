@@ -31,6 +31,8 @@ from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import AbstractNetwork, inverse
 from ...physics.contact.links import ContactLinks, PairNodes
 from ...physics.term import AbstractTerm
+from ...scene.compile.body_program import BodyProgram
+from ...scene.compile.groups import body_groups
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Compiled, Program, State
 from ...scene.scene import Scene
@@ -142,12 +144,13 @@ def implicit_context(
     """
     dtype = compiled.receipt.dtype
     program = compiled.program
-    for number, body in enumerate(program.bodies):
+    groups = body_groups(scene, compiled.joins)
+    for body in program.bodies:
         if not body.network.linear.is_symmetric:
             raise InputError(
-                f"body {number} has weights with `non_orthogonal`, whose conduction is "
-                "not symmetric and cannot be solved for: simulate() it, with "
-                "ForwardEuler() or SuperTimeStepping(), or set non_orthogonal to 0"
+                f"body {body.numbers[0]} has weights with `non_orthogonal`, whose "
+                "conduction is not symmetric and cannot be solved for: simulate() it, "
+                "with ForwardEuler() or SuperTimeStepping(), or set non_orthogonal to 0"
             )
     # Columns are stiff, but do not shorten the stable step.
     has_columns = any(body.network.columns is not None for body in program.bodies)
@@ -157,10 +160,10 @@ def implicit_context(
         or max_dt > MULTIGRID_STEP_RATIO * stable_step
     )
     hierarchies: tuple[Hierarchy | None, ...] = tuple(
-        hierarchy(body.structure, compiled_body.network)
-        if multigrid and compiled_body.network.mesh is None
+        hierarchy(group.structure, body.network)
+        if multigrid and body.network.mesh is None
         else None
-        for body, compiled_body in zip(scene.bodies, program.bodies, strict=True)
+        for group, body in zip(groups, program.bodies, strict=True)
     )
     varies = not all(body.network.is_linear for body in program.bodies)
     load = program.surface
@@ -169,26 +172,21 @@ def implicit_context(
     # By the maximum principle no state exceeds the hottest temperature of the scene.
     # Without a loss at the surface Newton's iterates need no bound.
     hottest = jnp.asarray(compiled.temperatures.highest, dtype)
-    endless = jnp.asarray(jnp.inf, dtype)
-    ceilings = tuple(
-        body.network.state_of(hottest - body.reference)
-        if load is not None and load.is_dissipative(number)
-        else endless
-        for number, body in enumerate(program.bodies)
-    )
+    cooled = frozenset() if load is None else load.cooled_bodies()
+    ceilings = tuple(_ceiling(body, hottest, cooled) for body in program.bodies)
     # Terms of a user need not say how far they cool.
     is_bounded = all(
         type(term).forcing is not AbstractTerm.forcing for term in scene.terms
     )
     coldest = jnp.asarray(compiled.temperatures.lowest if is_bounded else 0.0, dtype)
     floors = tuple(
-        body.network.state_of(coldest - body.reference) for body in program.bodies
+        body.network.state_of(coldest - body.node_reference) for body in program.bodies
     )
     kelvin = LINEAR_TOLERANCE[dtype] if tolerance is None else tolerance
     return ImplicitContext(
         hierarchies=hierarchies,
-        components=tuple(_connected_components(b.structure) for b in scene.bodies),
-        nodes=tuple(_node_mask(body.structure) for body in scene.bodies),
+        components=tuple(_connected_components(group.structure) for group in groups),
+        nodes=tuple(_node_mask(group.structure) for group in groups),
         ceilings=ceilings,
         floors=floors,
         tolerance=jnp.asarray(kelvin, dtype),
@@ -196,6 +194,21 @@ def implicit_context(
         linear=linear,
         varies=varies,
         differentiable=traced,
+    )
+
+
+def _ceiling(
+    body: BodyProgram, hottest: Float[Array, ""], cooled: frozenset[int]
+) -> Float[Array, "*n"]:
+    """Upper bound of the states of a group; infinite in bodies that are not cooled."""
+    highest = body.network.state_of(hottest - body.node_reference)
+    is_cooled = np.array([number in cooled for number in body.numbers])
+    if is_cooled.all():
+        return highest
+    if body.members is None:
+        return jnp.full_like(highest, jnp.inf)
+    return jnp.where(
+        taken(device_array(is_cooled), body.members.of_node), highest, jnp.inf
     )
 
 

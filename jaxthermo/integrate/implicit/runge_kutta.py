@@ -14,12 +14,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ...network.network import inverse, precise_sum
+from ...network.network import inverse
 from ...scene.compile.memory import Method
-from ...scene.compile.program import Program, State
+from ...scene.compile.program import LedgerEntries, Program, State
 from ..heat_rates import evaluate_rates, load_slopes, pair_conductance
 from ..ledger import into_bodies
 from ..stepper import AbstractStepper, RunState
@@ -152,9 +152,10 @@ def _within_bounds(
     for body, ceiling, now, then in bodies:
         is_bounded = jnp.isfinite(ceiling)
         temperature = body.network.temperature
-        start = body.reference + temperature(now)
-        end = body.reference + temperature(then)
-        bound = body.reference + temperature(jnp.where(is_bounded, ceiling, 0))
+        reference = body.node_reference
+        start = reference + temperature(now)
+        end = reference + temperature(then)
+        bound = reference + temperature(jnp.where(is_bounded, ceiling, 0))
         bound = _MAX_TEMPERATURE_RATIO * jnp.maximum(bound, start)
         too_low = end < _MIN_TEMPERATURE_RATIO * start
         accepted.append(~(too_low | (is_bounded & (end > bound))).any())
@@ -230,55 +231,78 @@ def _correct_energy(
     # They only distribute a remainder of the size of rounding: what their derivatives
     # would add is as small.
     loads, contacts = jax.lax.stop_gradient((loads, contacts))
-    capacity = [body.network.capacity() for body in program.bodies]
     difference = jax.tree.map(jnp.subtract, end_states, start_states)
     # Nodes that have not changed at all stay as they are, bit by bit.
     changed = tuple((change != 0).astype(heat.dtype) for change in difference)
 
-    def stored(change: State) -> Float[Array, " b"]:
-        products = zip(capacity, change, strict=True)
-        return jnp.stack([precise_sum(c * body_change) for c, body_change in products])
-
     def missing(heat: Float[Array, " c"], states: State) -> Float[Array, " b"]:
-        gained = into_bodies(heat, program.entries, len(program.bodies))
-        return gained - stored(jax.tree.map(jnp.subtract, states, start_states))
+        gained = into_bodies(heat, program.entries, program.body_count)
+        change = jax.tree.map(jnp.subtract, states, start_states)
+        return gained - program.stored_heat(change)
 
-    holding = stored(changed)
-    total = jnp.stack([body.network.total_capacity() for body in program.bodies])
+    holding = program.stored_heat(changed)
     # Where nothing changed nothing will; only a division by zero must be avoided.
-    holding = jnp.where(holding > 0, holding, total)
+    holding = jnp.where(holding > 0, holding, program.total_capacity())
     # Sums of the slopes of each body's loads, and of each pair's contacts [W/K].
-    bodies = len(total)
-    loss = jnp.zeros(bodies, loads.dtype)
-    links = jnp.zeros((bodies, bodies), loads.dtype)
-    for n, (_, ends) in enumerate(program.entries):
-        if len(ends) == 1:
-            loss = loss.at[ends[0]].add(loads[n])
-        else:
-            links = links.at[ends].add(contacts[n])
-    links = links + links.T
-    warmer = _solve_dominant(holding + g * loss, g * links, missing(heat, end_states))
-    heat = heat - g * _response(program, loads=loads, contacts=contacts, warmer=warmer)
+    ends = _Ends.of(program.entries)
+    loss = jnp.zeros_like(holding).at[ends.heated].add(loads[ends.load])
+    right = missing(heat, end_states)
+    if len(ends.contact):
+        links = jnp.zeros((len(loss), len(loss)), loads.dtype)
+        links = links.at[ends.first, ends.second].add(contacts[ends.contact])
+        warmer = _solve_dominant(holding + g * loss, g * (links + links.T), right)
+    else:
+        warmer = right / (holding + g * loss)
+    heat = heat - g * ends.response(loads, contacts, warmer)
     states = tuple(
-        new + extra * m
-        for new, extra, m in zip(end_states, warmer, changed, strict=True)
+        new + body.at_nodes(warmer) * m
+        for body, new, m in zip(program.bodies, end_states, changed, strict=True)
     )
     # What remains is rounding; loads that depend on temperature take it.
     remainder = missing(heat, states) * inverse(loss)
-    return states, heat - _response(
-        program, loads=loads, contacts=0 * contacts, warmer=remainder
-    )
+    return states, heat - ends.response(loads, 0 * contacts, remainder)
 
 
-def _response(program, loads, contacts, warmer) -> Float[Array, " c"]:
-    # Decrease of each entry's heat rate for warmer bodies [W].
-    responses = []
-    for n, (_, ends) in enumerate(program.entries):
-        if len(ends) == 1:
-            responses.append(loads[n] * warmer[ends[0]])
-        else:
-            responses.append(contacts[n] * (warmer[ends[1]] - warmer[ends[0]]))
-    return jnp.stack(responses) if responses else jnp.zeros(0, warmer.dtype)
+class _Ends(NamedTuple):
+    """Entries of the ledger, apart by the number of their bodies."""
+
+    load: Int[np.ndarray, " l"]
+    """Entries of loads on one body."""
+    heated: Int[np.ndarray, " l"]
+    """Bodies that they heat."""
+    contact: Int[np.ndarray, " p"]
+    """Entries of contacts."""
+    first: Int[np.ndarray, " p"]
+    """First body of each contact."""
+    second: Int[np.ndarray, " p"]
+    """Second body of each contact."""
+
+    @classmethod
+    def of(cls, entries: LedgerEntries) -> "_Ends":
+        """Bodies of the entries."""
+        counts = np.array([len(bodies) for _, bodies in entries], int)
+        singles = [bodies for _, bodies in entries if len(bodies) == 1]
+        pairs = [bodies for _, bodies in entries if len(bodies) == 2]
+        first, second = np.array(pairs, int).reshape(-1, 2).T
+        return cls(
+            load=np.flatnonzero(counts == 1),
+            heated=np.array(singles, int).reshape(-1),
+            contact=np.flatnonzero(counts == 2),
+            first=first,
+            second=second,
+        )
+
+    def response(
+        self,
+        loads: Float[Array, " c"],
+        contacts: Float[Array, " c"],
+        warmer: Float[Array, " b"],
+    ) -> Float[Array, " c"]:
+        """Decrease of the heat rate of each entry for warmer bodies [W]."""
+        response = jnp.zeros(loads.shape, warmer.dtype)
+        response = response.at[self.load].set(loads[self.load] * warmer[self.heated])
+        rise = warmer[self.second] - warmer[self.first]
+        return response.at[self.contact].set(contacts[self.contact] * rise)
 
 
 def _solve_dominant(
@@ -294,18 +318,26 @@ def _solve_dominant(
     # No difference occurs: `excess` is positive, `links` is symmetric, 0 or more, and 0
     # on the diagonal.
     count = len(excess)
-    index = np.arange(count)
-    for k in range(count):
-        later = jnp.asarray((index > k).astype(excess.dtype))
+    index = jnp.arange(count)
+
+    def eliminate(k, system):
+        excess, right, links = system
+        later = (index > k).astype(excess.dtype)
         pivot = excess[k] + (links[k] * later).sum()
         factor = later * links[:, k] / pivot
         excess = excess + factor * excess[k]
         right = right + factor * right[k]
         links = links + factor[:, None] * (links[k] * later)[None]
-        links = links * (1 - jnp.eye(count, dtype=excess.dtype))
-    x = jnp.zeros_like(right)
-    for k in reversed(range(count)):
-        later = jnp.asarray((index > k).astype(excess.dtype))
+        return excess, right, links * (1 - jnp.eye(count, dtype=excess.dtype))
+
+    excess, right, links = jax.lax.fori_loop(
+        0, count, eliminate, (excess, right, links)
+    )
+
+    def substitute(n, x):
+        k = count - 1 - n
+        later = (index > k).astype(excess.dtype)
         pivot = excess[k] + (links[k] * later).sum()
-        x = x.at[k].set((right[k] + (links[k] * later * x).sum()) / pivot)
-    return x
+        return x.at[k].set((right[k] + (links[k] * later * x).sum()) / pivot)
+
+    return jax.lax.fori_loop(0, count, substitute, jnp.zeros_like(right))

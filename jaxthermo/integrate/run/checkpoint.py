@@ -214,8 +214,11 @@ def _states(
     mesh = plan.compiled.program.mesh
     states = []
     for group, fresh_theta in zip(plan.groups, fresh.theta, strict=True):
-        values = np.concatenate(
-            [archive[f"body{n}"] for n in group.numbers for archive in archives]
+        values = group.on_nodes(
+            [
+                np.concatenate([archive[f"body{n}"] for archive in archives])
+                for n in group.numbers
+            ]
         )
         if (
             values.shape != (group.structure.node_count,)

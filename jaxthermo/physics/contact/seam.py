@@ -126,7 +126,8 @@ class _Side:
         member = end.group.numbers.index(body)
         self.end = end
         self.structure = end.group.bodies[member].structure
-        self.first_node = end.group.nodes[member].start
+        self.nodes = end.group.nodes[member]
+        """Nodes of the body among those of its group."""
         self.fragment = fragment
         """Fragment in the group of the body."""
         # Rows of the padding have no fragment of the body.
@@ -159,7 +160,7 @@ class _Side:
         area = grid.cells.area.sum(axis=1)[np.unique(column)].sum()
         # [W/K] over k d
         shape = self.length / (_DISTANCE * area / total if total else 1.0)
-        along = [values.conductance for values in sheet.cell_values(self.dtype)]
+        along = sheet.cell_values(self.dtype).conductance
         thickness = sheet.cell_thickness()
         edges = [depth.cumsum() / depth.sum() for depth in thickness]
         is_back = grid.fragment_face[self.local] == BACK
@@ -181,7 +182,7 @@ class _Side:
             highs.append(xp.where(self.on_face, 1.0, farthest))
         xp = array_namespace([conductance, lows])
         return _Cells(
-            node=self.first_node + n * np.arange(m)[:, None] + column,
+            node=self.nodes[n * np.arange(m)[:, None] + column],
             conductance=xp.stack(conductance),
             low=xp.stack(lows),
             high=xp.stack(highs),
@@ -200,7 +201,7 @@ class _Side:
         node = structure.fragment_node()[self.local]
         depth = np.zeros((1, len(self.length)), self.dtype)
         return _Cells(
-            node=self.first_node + node[None],
+            node=self.nodes[node[None]],
             conductance=conductance[None],
             low=depth,
             high=depth + 1,

@@ -26,7 +26,7 @@ from ...physics.conduction import (
     surface_conductivity,
 )
 from ...physics.flux_law import Forcing, Values
-from ...physics.sheet_conduction import sheet_network
+from ...physics.sheet_conduction import sheets_conduction
 from ...physics.surface import concatenated
 from ...physics.time_varying import check_temperature
 from ...structures.kinds.air import AirVolume
@@ -172,15 +172,9 @@ def prepare(number: int, group: BodyGroup, dtype: Any) -> PreparedGroup:
         surface_map = body.surface_map
         parts = _parts(body, references[0], dtype)
     else:
-        table = MaterialRows.of_group(group)
-        network = materials_network(
-            group.structure,
-            number=table.of_nodes,
-            materials=table.materials,
-            reference=references[0],
-            dtype=dtype,
-        )
-        half_cell = table.half_cells(group, dtype)
+        joined = _joined_conduction(group, dtype)
+        network = joined.network
+        half_cell = joined.half_cell
         surface_map = group.bodies[0].surface_map
         parts = None
     return PreparedGroup(
@@ -196,11 +190,41 @@ def prepare(number: int, group: BodyGroup, dtype: Any) -> PreparedGroup:
     )
 
 
+class _JoinedConduction(NamedTuple):
+    """Conduction of several bodies as one network."""
+
+    network: AbstractNetwork
+    half_cell: Float[Values, " s"]
+    """Conductance from each fragment to its node [W/K]."""
+
+
+def _joined_conduction(group: BodyGroup, dtype: Any) -> _JoinedConduction:
+    structure = group.structure
+    sheets = [
+        body.structure for body in group.bodies if isinstance(body.structure, Sheet)
+    ]
+    if sheets:
+        conduction = sheets_conduction(structure, sheets, dtype)
+        return _JoinedConduction(
+            network=conduction.network, half_cell=conduction.half_cell
+        )
+    table = MaterialRows.of_group(group)
+    network = materials_network(
+        structure,
+        number=table.of_nodes,
+        materials=table.materials,
+        # Constant materials have no reference.
+        reference=0.0,
+        dtype=dtype,
+    )
+    return _JoinedConduction(network, half_cell=table.half_cells(group, dtype))
+
+
 def _network(body: Body, reference: Scalar, dtype: Any) -> AbstractNetwork:
     structure = body.structure
     material = body.material
     if isinstance(structure, Sheet):
-        return sheet_network(structure, dtype)
+        return sheets_conduction(structure, [structure], dtype).network
     if isinstance(structure, AirVolume):
         air = body_of_air(structure.air_volume, body.temperature)
         return material_network(
@@ -246,19 +270,21 @@ class MaterialRows(NamedTuple):
             else:
                 assert material is not None
                 materials.append(material)
-                of_nodes.append(np.full(structure.node_count, first))
+                of_nodes.append(first)
                 count = len(structure.grid.fragment_area)
                 of_fragments.append(np.full(count, first))
         return cls(
             materials=tuple(materials),
-            of_nodes=np.concatenate(of_nodes),
+            of_nodes=group.on_nodes(of_nodes),
             of_fragments=np.concatenate(of_fragments),
         )
 
     def half_cells(self, group: BodyGroup, dtype: Any) -> Float[Values, " s"]:
         """Conductance from each fragment to its node, k A / distance [W/K]."""
         structure = group.structure
-        k = conductivity_table(self.materials, 0.0, dtype)[self.of_fragments]
+        table = conductivity_table(self.materials, 0.0, dtype)
+        normal = structure.grid.fragment_normal
+        k = normal_conductivity(table[self.of_fragments], normal)
         length = structure.grid.fragment_area / structure.fragment_distance()
         return k * length.astype(dtype)
 
@@ -289,11 +315,7 @@ def _joined_start(
     """Temperatures of all nodes above their references [K]; one number if uniform."""
     if not is_traced(starts) and not any(theta.any() for theta in starts):
         return np.zeros((), starts[0].dtype)
-    xp = namespace(starts)
-    pairs = zip(starts, group.nodes, strict=True)
-    return xp.concatenate(
-        [xp.broadcast_to(theta, nodes.stop - nodes.start) for theta, nodes in pairs]
-    )
+    return group.on_nodes(starts)
 
 
 def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | None:
@@ -396,7 +418,7 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     material = body.material
     grid = structure.grid
     if isinstance(structure, Sheet):
-        return grid.fragment_area.astype(dtype) / structure.face_resistance(dtype)
+        return sheets_conduction(structure, [structure], dtype).half_cell
     if isinstance(structure, AirVolume):
         return np.zeros(0, dtype)
     if isinstance(material, AbstractMaterials):

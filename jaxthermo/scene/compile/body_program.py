@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from equinox import Module
 from jax.sharding import Mesh
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Shaped
 
 from ...arrays import Time, is_traced, stacked, taken
 from ...network.network import AbstractNetwork, Address
@@ -108,6 +108,13 @@ class BodyProgram(Module):
         if self.members is None or not reference.ndim:
             return reference
         return taken(reference, self.members.of_fragment)
+
+    def at_nodes(self, values: Shaped[Array, " c"]) -> Shaped[Array, "*n"]:
+        """Values of all bodies of the scene at each node; one number for one body."""
+        of_members = values[np.array(self.numbers)]
+        if self.members is None:
+            return of_members[0]
+        return taken(of_members, self.members.of_node)
 
     def stored(self, state: Float[Array, "..."]) -> Float[Array, " b"]:
         """Heat of each body above its reference [J]."""

@@ -35,7 +35,7 @@ from ..scene import Scene, body_geometry, mechanism_names
 from .bodies import PreparedGroup, check_bodies, check_terms, prepare
 from .body_names import named_receipt, naming_bodies
 from .body_program import SurfaceCoefficients
-from .groups import body_groups, joins_bodies
+from .groups import body_groups
 from .joint_lines import check_joints, joint_lines
 from .memory import Method, check_memory
 from .newton_iterations import with_iterations
@@ -67,6 +67,7 @@ def compile_scene(
     method: Method = "euler",
     save_times: tuple[float, ...] | None = None,
     duration: float | None = None,
+    joins: bool = True,
 ) -> Compiled:
     """Bind all terms to the scene, leaving out those without effect.
 
@@ -80,6 +81,7 @@ def compile_scene(
             integrated; None to leave them as they are.
         duration: time for which the values up to `end` act [s], infinite for a steady
             state; None for `end`.
+        joins: False for a network of each body by itself.
 
     Raises:
         InputError: if the program would not fit into memory, or terms contradict each
@@ -95,7 +97,7 @@ def compile_scene(
     with searches_recorded() as searches:
         compiled = _bound(
             scene,
-            joins=joins_bodies(method),
+            joins=joins,
             starts=starts,
             end=float(end),
             duration=float(end if duration is None else duration),

@@ -5,7 +5,7 @@ a table, so that a program has as many operations for many bodies as for a few. 
 that is alone in its form, or that a stencil conducts faster, is a group by itself.
 """
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -14,9 +14,11 @@ import jax
 import numpy as np
 from jaxtyping import Int
 
+from ...arrays import namespace
 from ...network.group_order import GroupOrder, group_order
 from ...structures.joined import JoinedStructure
 from ...structures.kinds.full import FullVolume
+from ...structures.kinds.sheet import Sheet
 from ...structures.structure import AbstractStructure, AbstractVoxelStructure
 from ...structures.weights import ConductionWeights
 from ..scene import AbstractMaterials, Body, Scene
@@ -46,11 +48,11 @@ class BodyGroup:
         return len(self.numbers) == 1
 
     @cached_property
-    def nodes(self) -> list[slice]:
-        """Nodes of each body among those of the structure."""
+    def nodes(self) -> list[Int[np.ndarray, " _"]]:
+        """Nodes of each body among those of the structure, in the body's own order."""
         if isinstance(self.structure, JoinedStructure):
-            return self.structure.node_slices
-        return [slice(0, self.structure.node_count)]
+            return self.structure.nodes_of_parts()
+        return [np.arange(self.structure.node_count, dtype=np.int32)]
 
     @cached_property
     def fragments(self) -> list[slice]:
@@ -62,17 +64,29 @@ class BodyGroup:
     @cached_property
     def member_of_node(self) -> Int[np.ndarray, " n"]:
         """Index of the body of each node in the group."""
-        return _members(self.nodes)
+        member = np.empty(self.structure.node_count, np.int32)
+        for number, nodes in enumerate(self.nodes):
+            member[nodes] = number
+        return member
 
     @cached_property
     def member_of_fragment(self) -> Int[np.ndarray, " s"]:
         """Index of the body of each fragment in the group."""
-        return _members(self.fragments)
+        sizes = [fragments.stop - fragments.start for fragments in self.fragments]
+        return np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
 
-
-def _members(slices: list[slice]) -> Int[np.ndarray, " _"]:
-    sizes = [entries.stop - entries.start for entries in slices]
-    return np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
+    def on_nodes(self, values: Sequence[Any]) -> Any:
+        """Values of all nodes, from those of each body, which may be one number."""
+        xp = namespace(values)
+        rows = [
+            xp.broadcast_to(value, len(nodes))
+            for value, nodes in zip(values, self.nodes, strict=True)
+        ]
+        order = np.concatenate(self.nodes)
+        joined = xp.concatenate(rows)
+        if np.array_equal(order, np.arange(len(order))):
+            return joined
+        return joined[np.argsort(order)]
 
 
 def fragment_order(
@@ -84,12 +98,7 @@ def fragment_order(
     return group_order(numbers, counts)
 
 
-def joins_bodies(method: str) -> bool:
-    """True if bodies are joined for a `Method`: implicit ones solve for each body."""
-    return method in ("euler", "stages")
-
-
-def body_groups(scene: Scene, joins: bool) -> tuple[BodyGroup, ...]:
+def body_groups(scene: Scene, joins: bool = True) -> tuple[BodyGroup, ...]:
     """Groups of the bodies of a scene, in its order; each by itself unless it joins."""
     return tuple(
         _joined(scene, numbers) if len(numbers) > 1 else _single(scene, numbers[0])
@@ -97,7 +106,7 @@ def body_groups(scene: Scene, joins: bool) -> tuple[BodyGroup, ...]:
     )
 
 
-def grouped_numbers(scene: Scene, joins: bool) -> list[list[int]]:
+def grouped_numbers(scene: Scene, joins: bool = True) -> list[list[int]]:
     """Numbers of the bodies of each group, in the order of the scene."""
     if not joins or len(scene.bodies) < _LEAST_BODIES:
         return [[number] for number in range(len(scene.bodies))]
@@ -146,22 +155,25 @@ def as_links(structure: AbstractStructure) -> AbstractStructure:
 def _form(body: Body) -> Hashable | None:
     """The same value for bodies that may be joined; None for a body by itself."""
     structure = body.structure
+    if structure.device_count > 1 or not structure.identity:
+        return None
+    columns = structure.columns()
+    layers = 0 if columns is None else len(columns.link)
+    if isinstance(structure, Sheet):
+        return Sheet, layers
     is_voxels = isinstance(structure, AbstractVoxelStructure)
-    if not is_voxels or structure.device_count > 1 or not structure.identity:
+    if not is_voxels or not _has_no_effect(structure.weights):
         return None
-    if structure.columns() is not None or not _has_no_effect(structure.weights):
-        return None
-    is_full = isinstance(structure, FullVolume)
-    if is_full and (
+    if isinstance(structure, FullVolume) and (
         structure.kernels is not None or structure.node_count > _MOST_VOXELS
     ):
         return None
     materials: tuple = (body.material,)
     if isinstance(body.material, AbstractMaterials):
         materials = body.material.materials
-    if any(m.varies or isinstance(m.conductivity, tuple) for m in materials):
+    if any(material.varies for material in materials):
         return None
-    return is_full
+    return AbstractVoxelStructure, layers
 
 
 def _has_no_effect(weights: ConductionWeights) -> bool:

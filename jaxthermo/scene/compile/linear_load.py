@@ -35,7 +35,7 @@ from ...network.network import (
     inverse,
     precise_sum,
 )
-from ...network.segment_sums import SegmentSums, segment_sums
+from ...network.segment_sums import SegmentSums, sums_of_lists
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from .body_program import BodyProgram
@@ -278,11 +278,12 @@ def _node_sums(
     member = np.asarray(body.members.of_node)
     if not everywhere:
         member = member[np.asarray(cells.address[0])]
+    order = np.argsort(member, kind="stable")
     used = [body.numbers.index(number) for number in cells.numbers]
-    starts = np.searchsorted(member, used, side="left")
-    stops = np.searchsorted(member, used, side="right")
+    starts = np.searchsorted(member[order], used, side="left")
+    stops = np.searchsorted(member[order], used, side="right")
     pairs = zip(starts.tolist(), stops.tolist(), strict=True)
-    return segment_sums([slice(*pair) for pair in pairs], len(member))
+    return sums_of_lists([order[start:stop] for start, stop in pairs], len(member))
 
 
 def _weight(terms: list[LinearTerm], forcing: Any) -> Any:

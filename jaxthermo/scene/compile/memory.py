@@ -19,7 +19,7 @@ from ...parallel.devices import require_device_memory
 from ...structures.kinds.full import FullVolume
 from ...structures.structure import AbstractStructure
 from ..scene import AbstractMaterials, Body, Scene
-from .groups import as_links, grouped_numbers, joins_bodies
+from .groups import as_links, grouped_numbers
 from .program import Compiled
 
 
@@ -127,7 +127,7 @@ def forecast_memory(
     width = 8 if scene.dtype == "float64" else 4
     joined = {
         number
-        for numbers in grouped_numbers(scene, joins_bodies(method))
+        for numbers in grouped_numbers(scene)
         for number in numbers
         if len(numbers) > 1
     }

@@ -124,12 +124,13 @@ class _Member(NamedTuple):
     reference: Scalar
     """Temperature from which its state counts [K]."""
     group: PreparedGroup
-    first_node: int
+    nodes: Int[np.ndarray, " n"]
+    """Its nodes among those of the group."""
     first_fragment: int
 
     def address_of(self, nodes: Int[np.ndarray, " m"]) -> Address:
         """Position of some of its nodes in the state of the group."""
-        return self.group.address_of(nodes + self.first_node)
+        return self.group.address_of(self.nodes[nodes])
 
 
 def _members(prepared: tuple[PreparedGroup, ...]) -> list[_Member]:
@@ -140,7 +141,7 @@ def _members(prepared: tuple[PreparedGroup, ...]) -> list[_Member]:
             body=body,
             reference=reference,
             group=group,
-            first_node=nodes.start,
+            nodes=nodes,
             first_fragment=fragments.start,
         )
         for group in prepared

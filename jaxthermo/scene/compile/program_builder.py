@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Int, Shaped
 from ...arrays import consecutive, device_array, typed_array
 from ...network.group_order import GroupOrder
 from ...network.network import Address
-from ...network.segment_sums import segment_sums
+from ...network.segment_sums import sums_of_lists
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import Joint
 from ...physics.convection.enclosed_air import AirExchange, EnclosedAir
@@ -396,7 +396,7 @@ def _members_of(group: BodyGroup) -> Members:
     return Members(
         of_node=device_array(group.member_of_node),
         of_fragment=device_array(group.member_of_fragment),
-        sums=segment_sums(group.nodes, group.structure.node_count),
+        sums=sums_of_lists(group.nodes, group.structure.node_count),
     )
 
 

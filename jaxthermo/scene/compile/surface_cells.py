@@ -206,17 +206,22 @@ def _layout(
         # Numbered again for each term, so that any number of terms fits.
         _, signature = np.unique(2 * signature + mask, return_inverse=True)
         signature = signature.reshape(-1)
-    # A key per node and combination of terms; equal keys are one cell.
+    # A key per node and combination of terms; equal keys are one cell. The cells of one
+    # body follow those of another, even where their nodes do not.
     touched = np.flatnonzero(np.any(acting_fragments, axis=0))
     nodes, node = np.unique(body.fragment_node[touched], return_inverse=True)
     sections = body.section_places(nodes)
     per_section = sections.per_section
     signatures = signature.max() + 1
-    key = sections.places[node.reshape(-1)] * signatures + signature[touched]
-    cells, inverse = np.unique(key, return_inverse=True)
-    node = (cells // signatures).astype(np.int32)
     # A body on one device has one section.
     node_count = len(sections.address[0])
+    place = sections.places[node.reshape(-1)].astype(np.int64)
+    if not body.group.is_single:
+        place += node_count * body.group.member_of_fragment[touched].astype(np.int64)
+    key = place * signatures + signature[touched]
+    cells, inverse = np.unique(key, return_inverse=True)
+    place = cells // signatures
+    node = (place % node_count).astype(np.int32)
     section_count = node_count // per_section
 
     def size(count: int) -> int:
@@ -226,7 +231,9 @@ def _layout(
     cell[touched] = of_cell[inverse.reshape(-1)]
     cell_node = np.repeat(per_section * np.arange(section_count, dtype=np.int32), count)
     cell_node[of_cell] = node
-    members_of_group, sizes = _members_of_cells(body, nodes, node, len(cell_node))
+    members_of_group, sizes = _members_of_cells(
+        body, member=place // node_count, count=len(cell_node)
+    )
     # Nodes with fewer cells than others refer to one past the last cell.
     slot_cell = np.append(of_cell, len(cell_node)).astype(np.int32)
     return _Layout(
@@ -242,19 +249,15 @@ def _layout(
 
 
 def _members_of_cells(
-    body: PreparedGroup,
-    nodes: Int[np.ndarray, " m"],
-    node: Int[np.ndarray, " p"],
-    count: int,
+    body: PreparedGroup, member: Int[np.ndarray, " p"], count: int
 ) -> tuple[CellMembers | None, Int[np.ndarray, " b"]]:
     """Bodies of the cells of a group, and the number of cells of each body.
 
-    The nodes are in the order of the state, in which one body follows another; cells
-    without area at the end belong to the last one.
+    `member` is the index of the body of each cell, in their order; cells without area
+    at the end belong to the last one.
     """
     if body.group.is_single:
         return None, np.array([count])
-    member = body.group.member_of_node[nodes][node]
     member = np.append(member, np.full(count - len(member), member[-1]))
     sizes = np.bincount(member, minlength=len(body.group.numbers))
     return (

@@ -91,16 +91,16 @@ class AbstractSurfaceLoad(Module):
                 stiffnesses.append((cells.address, cells.sums(stiffness)))
         return stiffnesses
 
-    def is_dissipative(self, body: int) -> bool:
-        """True if a term bounds the temperature of a body."""
+    def cooled_bodies(self) -> frozenset[int]:
+        """Numbers of the bodies whose temperature a term bounds."""
         load = self.by_cell
-        return any(
-            cells.body == body
-            and any(
-                term.law.is_dissipative and load.acts(n, index)
-                for n, term in load.terms.natural
-            )
-            for index, cells in enumerate(load.cells)
+        numbers = [number for cells in load.cells for number in cells.numbers]
+        return frozenset(
+            number
+            for n, term in load.terms.natural
+            if term.law.is_dissipative
+            for number, entry in zip(numbers, load.entries[n], strict=True)
+            if entry >= 0
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from typing_extensions import override
 
-from ...arrays import array_namespace, typed_array
+from ...arrays import array_namespace, stacked, typed_array
 from ...errors import InputError, require, whole_number
 from ...geometry.mesh import Mesh
 from ...geometry.part_names import pattern_of_parts
@@ -256,10 +256,9 @@ class Sheet(AbstractStructure):
         # That of `fragment_depth`: a fragment is above its node.
         return np.full(len(self.grid.fragment_area), self.grid.pitch / 2)
 
-    def cell_values(self, dtype: Any) -> list[CellValues]:
+    def cell_values(self, dtype: Any) -> CellValues:
         """Values of the cells through the thickness, of each part."""
-        pairs = zip(self.stacks, self.divisions, strict=True)
-        return [cell_values(stack, division, dtype) for stack, division in pairs]
+        return cell_values(self.stacks, self.divisions, dtype)
 
     def face_values(self, field: str, dtype: Any) -> Float[Any, " s"]:
         """A property of the outermost layer at each fragment, by its field."""
@@ -267,17 +266,11 @@ class Sheet(AbstractStructure):
         values = [getattr(layer.material, field) for layer in outermost]
         return self._at_fragments(values, dtype)
 
-    def face_resistance(self, dtype: Any) -> Float[Any, " s"]:
-        """Resistance from each fragment to its node [m^2 K/W]."""
-        values = self.cell_values(dtype)
-        fronts = [value.to_front[0] for value in values]
-        return self._at_fragments([*fronts, *(v.to_back[-1] for v in values)], dtype)
-
     def face_capacity(self, dtype: Any) -> Float[Any, " s"]:
         """Heat capacity of the node of each fragment, of an area [J/(m^2 K)]."""
-        values = self.cell_values(dtype)
-        fronts = [value.capacity[0] for value in values]
-        return self._at_fragments([*fronts, *(v.capacity[-1] for v in values)], dtype)
+        capacity = self.cell_values(dtype).capacity
+        faces = array_namespace(capacity).concatenate([capacity[:, 0], capacity[:, -1]])
+        return faces[self.face_row]
 
     def face_cell_thickness(self, dtype: Any) -> Float[Any, " s"]:
         """Thickness of the cell at each fragment [m]."""
@@ -287,9 +280,12 @@ class Sheet(AbstractStructure):
 
     def _at_fragments(self, values: Sequence[Any], dtype: Any) -> Float[Any, " s"]:
         """Values at the front of each part, then at the back, by fragment."""
-        rows = [typed_array(value, dtype) for value in values]
-        row = len(self.stacks) * self.grid.fragment_face + self.grid.fragment_part
-        return array_namespace(rows).stack(rows)[row]
+        return stacked(values, dtype)[self.face_row]
+
+    @property
+    def face_row(self) -> Int[np.ndarray, " s"]:
+        """Place of each fragment in the fronts of all parts, then all backs."""
+        return len(self.stacks) * self.grid.fragment_face + self.grid.fragment_part
 
 
 def _thickness_of_cells(stack: Sequence[Layer], division: Division) -> Float[Any, " m"]:

@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 
 from ...geometry.vectors import unit_vectors
 from ...voxels.cut_voxels import CutVoxels
+from ..joined import JoinedStructure
 from ..structure import AbstractStructure, Links
 
 
@@ -293,6 +294,9 @@ def link_axes(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
     The direction is the normal of the shared voxel faces, or the line from centre to
     centre of nodes that share none, such as voxels over an edge.
     """
+    if isinstance(structure, JoinedStructure):
+        axes = [link_axes(part) for part in structure.parts]
+        return np.concatenate(axes)[structure.link_order]
     upward, downward = _face_counts(structure)
     across = upward + downward
     links = structure.links()

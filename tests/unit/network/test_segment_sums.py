@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxthermo.network.segment_sums import segment_sums, sums_of_sizes
+from jaxthermo.network.segment_sums import segment_sums, sums_of_lists, sums_of_sizes
 
 
 @pytest.mark.parametrize("sizes", [(1,), (5, 64, 1, 65), (0, 3, 0), (5000, 2, 64 * 64)])
@@ -21,6 +21,11 @@ def test_each_segment_has_its_sum(sizes):
 def test_values_between_segments_do_not_count():
     sums = segment_sums([slice(1, 3), slice(5, 6)], 8)
     assert np.asarray(sums(jnp.arange(8.0))).tolist() == [3.0, 5.0]
+
+
+def test_lists_may_be_in_any_order():
+    lists = [np.array([0, 3, 5]), np.array([4, 1])]
+    assert np.asarray(sums_of_lists(lists, 6)(jnp.arange(6.0))).tolist() == [8.0, 5.0]
 
 
 def test_long_segments_keep_their_digits():

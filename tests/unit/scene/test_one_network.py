@@ -15,6 +15,7 @@ from jaxthermo.integrate.run.simulate import first_loop, take_steps
 from jaxthermo.integrate.stepper import in_place
 from jaxthermo.memo.found import forget_findings
 from jaxthermo.scene.compile import groups
+from tests.shallow import SHALLOW
 
 
 TERMS = (
@@ -105,9 +106,104 @@ def test_a_body_among_others_is_as_it_is_alone(dtype, rel):
             assert near <= 100 * rel * scale
 
 
+def walls_and_skins():
+    """Sheets of two cells through the wall, and skins of an orthotropic material.
+
+    The second sheet has two parts, of which one stands on the first sheet.
+    """
+    layers = (jt.Layer("copper", 1e-3), jt.Layer("glass", 4e-3))
+    corners = [(-0.05, 0.0, 0.05), (0.05, 0.0, 0.05), (0.05, 0.0, 0.2)]
+    standing = jt.shapes.polygon(corners)
+    above = jt.Mesh(standing.vertices + np.array([0.0, 0.0, 0.5]), standing.faces)
+    parts = {"standing": standing, "above": above}
+    stacks = {"standing": layers, "above": layers[::-1]}
+    box = jt.Sheet(jt.shapes.box((0.3, 0.2, 0.1)), layers, pitch=0.1, cells=2)
+    plates = jt.Sheet(parts, stacks, pitch=0.1, cells=2)
+    turned = jt.Pose.about((0.0, 0.0, 1.0), 0.4)
+    bodies = [
+        jt.Body(box, temperature=285.0),
+        jt.Body(plates, temperature=288.0, pose=turned),
+    ]
+    for n in range(2):
+        grid = jt.voxelize(jt.shapes.box((0.04 + 0.02 * n, 0.04, 0.04)), pitch=0.02)
+        material = jt.Material((5.0 + n, 3.0, 1.0), density=2000.0, specific_heat=900.0)
+        bodies.append(
+            jt.Body(
+                jt.Skin(jt.FullVolume(grid), cells=2),
+                material,
+                temperature=lambda x: 290.0 + 100.0 * x[:, 0],
+                pose=jt.Pose((1.0 * n, 2.0, 0.0)),
+            )
+        )
+    return tuple(bodies)
+
+
+@pytest.mark.parametrize(
+    "solver", [EULER, pytest.param(jt.TRBDF2(dt=5.0), marks=pytest.mark.slow)]
+)
+@SHALLOW
+def test_walls_and_skins_are_as_bodies_apart(monkeypatch, apart, solver):
+    monkeypatch.setattr(groups, "_LEAST_BODIES", 2)
+    source = jt.HeatSource(heat_rate=4.0, within=jt.Region((-9, -9, 0), (9, 9, 9)))
+    scene = jt.Scene(
+        walls_and_skins(),
+        (*TERMS, jt.Seam(500.0), source),
+        dtype="float64",
+        probes={"wall": (0.01, 0.02, 0.05), "skin": (0.0, 2.0, 0.01)},
+    )
+
+    def call():
+        return jt.simulate(scene, 20.0, save_at=[10.0, 20.0], solver=solver)
+
+    joined = call()
+    program = plan_run(scene, 20.0, None, EULER).compiled.program
+    assert len(program.bodies) == 2 and len(program.contacts) == 1
+    separate = apart(call)
+    # A linear solve stops at its tolerance.
+    rel = 1e-12 if solver is EULER else 1e-10
+    assert_equal_runs(joined, separate, rel)
+    probed = [np.asarray(run.probe_temperature) for run in (joined, separate)]
+    np.testing.assert_allclose(*probed, rtol=rel)
+
+
+def test_implicit_steps_and_steady_states_are_those_of_bodies_apart(apart):
+    scene = contact_scene(count=2)
+    # A body that nothing touches, and one that exchanges heat with nothing.
+    lone = [
+        jt.Body(
+            body.structure, body.material, temperature=310.0, pose=jt.Pose((x, 1, 0))
+        )
+        for body, x in zip(scene.bodies[:2], (0.0, 1.0), strict=True)
+    ]
+    up = (0.0, 0.0, 1.0)
+    cooled = jt.Side(up, body=1) | jt.Side(up, body=2)
+    scene = jt.Scene(
+        (*scene.bodies, *lone),
+        (jt.Convection(10.0, 290.0, on=cooled), *scene.terms[1:]),
+        dtype="float64",
+    )
+    solver = jt.BackwardEuler(dt=10.0)
+
+    def call():
+        run = jt.simulate(scene, 20.0, save_at=[10.0, 20.0], solver=solver)
+        return run, jt.steady(scene)
+
+    assert len(plan_run(scene, 20.0, None, solver).compiled.program.bodies) == 1
+    joined, steady = call()
+    separate, steady_apart = apart(call)
+    # A linear solve stops at its tolerance.
+    assert_equal_runs(joined, separate, 1e-10)
+    assert steady.isolated_components == steady_apart.isolated_components == 1
+    np.testing.assert_allclose(
+        steady.surface_temperature, steady_apart.surface_temperature, rtol=1e-9
+    )
+
+
 def test_the_compiled_programs_do_not_grow_with_the_bodies():
     def operations(count):
-        plan = plan_run(jt.Scene(unlike_bodies(count, gap=0.3), TERMS), 40.0, None)
+        # The number of Newton's iterations follows from the temperatures.
+        bodies = unlike_bodies(count, gap=0.3, temperature=300.0)
+        plan = plan_run(jt.Scene(bodies, TERMS), 40.0, None)
         loop = first_loop(plan)
         text = in_place(take_steps, loop.theta).lower(*loop).as_text()
         return len(re.findall(r" = ", text))
@@ -115,9 +211,9 @@ def test_the_compiled_programs_do_not_grow_with_the_bodies():
     assert operations(24) <= 1.05 * operations(12)
 
 
-def contact_scene(dtype="float64", **options):
+def contact_scene(count=6, dtype="float64", **options):
     bodies = []
-    for n in range(6):
+    for n in range(count):
         grid = jt.voxelize(jt.shapes.box((0.03, 0.03, 0.02)), pitch=0.01)
         material = jt.Material(15.0 + n, density=7800.0, specific_heat=460.0)
         pose = jt.Pose((0.0, 0.0, 0.02 * n))

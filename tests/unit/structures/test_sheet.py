@@ -38,7 +38,7 @@ def test_thick_layers_have_cells_and_thin_ones_share_them():
     wall = (jt.Layer(STEEL, 0.5e-3), jt.Layer(FOAM, 0.05), jt.Layer(STEEL, 0.5e-3))
     sheet = jt.Sheet(rectangle(), wall, 0.1)
     assert sheet.cells_through > 3
-    (values,) = sheet.cell_values(np.float64)
+    values = sheet.cell_values(np.float64)
     # Whatever the cells: the same wall.
     heat = sum(float(layer.capacity) for layer in wall)
     assert values.capacity.sum() == pytest.approx(heat, rel=1e-12)
