@@ -3,12 +3,13 @@
 They need no sort, unlike `peel`, which finds all layers in between.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from .fragments import fragment_chunks
+from .fragments import FragmentChunk, fragment_chunks
 
 
 class _NearestHits(NamedTuple):
@@ -59,13 +60,29 @@ def depth_range(
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
     nearest, negative = np.full((2, width * height), np.inf)
-    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
-    points = triangles.reshape(-1, 3)
-    for chunk in fragment_chunks(points, faces=faces, width=width, height=height):
+    for chunk in _triangle_chunks(triangles, width, height):
         _draw(nearest, chunk.pixel, chunk.depth)
         _draw(negative, chunk.pixel, -chunk.depth)
     farthest = -negative
     return nearest.reshape(height, width), farthest.reshape(height, width)
+
+
+def nearest_depth(
+    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
+) -> Float[np.ndarray, "h w"]:
+    """Nearest depth alone, see `depth_range`."""
+    nearest = np.full(width * height, np.inf)
+    for chunk in _triangle_chunks(triangles, width, height):
+        _draw(nearest, chunk.pixel, chunk.depth)
+    return nearest.reshape(height, width)
+
+
+def _triangle_chunks(
+    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
+) -> Iterator[FragmentChunk]:
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    points = triangles.reshape(-1, 3)
+    return fragment_chunks(points, faces=faces, width=width, height=height)
 
 
 def _draw(buffer: np.ndarray, pixel: np.ndarray, depth: np.ndarray) -> None:

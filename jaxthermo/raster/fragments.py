@@ -113,7 +113,7 @@ def peel_mesh(
 
 def _all_fragments(
     points: np.ndarray, faces: np.ndarray, width: int, height: int
-) -> "_FragmentChunk":
+) -> "FragmentChunk":
     # A function of its own, so that the chunks are freed before the sort.
     chunks = [*fragment_chunks(points, faces=faces, width=width, height=height)]
     no_integers = np.empty(0, np.int64)
@@ -121,7 +121,7 @@ def _all_fragments(
     triangles = [chunk.triangle for chunk in chunks]
     pixels = [chunk.pixel for chunk in chunks]
     depths = [chunk.depth for chunk in chunks]
-    return _FragmentChunk(
+    return FragmentChunk(
         triangle=np.concatenate([no_integers, *triangles]),
         pixel=np.concatenate([no_integers, *pixels]),
         depth=np.concatenate([no_depths, *depths]),
@@ -209,7 +209,7 @@ def within_raster(corners: Float[np.ndarray, "*n 3"]) -> bool:
     return bool(is_finite and farthest <= _MAX_COORDINATE)
 
 
-class _FragmentChunk(NamedTuple):
+class FragmentChunk(NamedTuple):
     """Fragments of some triangles, in any order."""
 
     triangle: Int[np.ndarray, " k"]
@@ -223,7 +223,7 @@ def fragment_chunks(
     faces: Int[np.ndarray, "f 3"],
     width: int,
     height: int,
-) -> Iterator[_FragmentChunk]:
+) -> Iterator[FragmentChunk]:
     """Fragments of triangles with corners `points` (column, row, depth), in chunks.
 
     Raises:
@@ -253,7 +253,7 @@ def fragment_chunks(
         plane_depth = _plane_at(
             x, y=y, depth=depth, corners=corners, face=face, column=column, row=row
         )
-        yield _FragmentChunk(
+        yield FragmentChunk(
             triangle=chunk[face], pixel=row * width + column, depth=plane_depth
         )
 

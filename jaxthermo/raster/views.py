@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from ..arrays import linear_map
 from ..geometry.vectors import unit_vector
-from .depth_buffer import depth_range
+from .depth_buffer import nearest_depth
 from .fragments import DepthLayers, peel
 
 
@@ -186,7 +186,7 @@ class PerspectiveView:
         corners = self.project(self._within(triangles))
         # The inverse of the depth is linear over the image, the depth is not.
         corners[..., 2] = -1 / corners[..., 2]
-        key, _ = depth_range(corners, width=self.width, height=self.height)
+        key = nearest_depth(corners, width=self.width, height=self.height)
         hit = np.isfinite(key)
         finite_key = np.where(hit, key, -1.0)
         depth = -1 / finite_key

@@ -27,7 +27,7 @@ from ...geometry.vectors import row_dot, tangents
 from ...host_memory import require_memory
 from ...memo.found import found
 from ...memo.stored import stored_search
-from ...raster.depth_buffer import depth_range
+from ...raster.depth_buffer import depth_range, nearest_depth
 from ...raster.views import (
     OrthographicView,
     half_sphere_directions,
@@ -135,9 +135,17 @@ class _Window(NamedTuple):
     row: Int[np.ndarray, " n"]
     column: Int[np.ndarray, " n"]
     """Their pixels in the window."""
-    nearest: Float[np.ndarray, "h w"]
-    farthest: Float[np.ndarray, "h w"]
-    """Depths of the occluder."""
+    corners: Float[np.ndarray, "f 3 3"]
+    """Corners of the occluder (column, row, depth)."""
+    width: int
+    height: int
+
+    def shades(self, depth: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points, at these depths, that the occluder is in front of."""
+        # What begins behind all points shades none of them.
+        ahead = self.corners[..., 2].min(axis=1) < depth.max()
+        nearest = nearest_depth(self.corners[ahead], self.width, self.height)
+        return depth > nearest[self.row, self.column]
 
 
 def _window(
@@ -177,14 +185,14 @@ def _window(
     width = int(column.max() - first[0]) + 1
     height = int(row.max() - first[1]) + 1
     _check_map(width, height, task)
-    # Whole pixels: the rays through the window are those of the view.
-    nearest, farthest = depth_range(corners - first, width, height)
     return _Window(
         points=points,
         row=row - first[1],
         column=column - first[0],
-        nearest=nearest,
-        farthest=farthest,
+        # Whole pixels: the rays through the window are those of the view.
+        corners=corners - first,
+        width=width,
+        height=height,
     )
 
 
@@ -246,8 +254,7 @@ def sunlit_samples(
         task="a shadow map",
     )
     if window is not None:
-        nearest = window.nearest[window.row, window.column]
-        is_lit[window.points] = at[window.points, 2] <= nearest
+        is_lit[window.points] = ~window.shades(at[window.points, 2])
     lit[facing] = _lit_bits(is_lit)
     return lit
 
@@ -450,10 +457,11 @@ def _sees_out(
     )
     if window is not None:
         points = window.points
+        nearest, farthest = depth_range(window.corners, window.width, window.height)
         is_free[points] = np.where(
             is_ahead[points],
-            above[points] >= window.farthest[window.row, window.column],
-            below[points] <= window.nearest[window.row, window.column],
+            above[points] >= farthest[window.row, window.column],
+            below[points] <= nearest[window.row, window.column],
         )
     return _SeenOut(is_free, np.abs(deeper) <= _MAX_DEPTH_CORRECTION)
 

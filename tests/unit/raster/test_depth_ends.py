@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from peeling import BODIES, in_view, peel_checked
 
-from jaxthermo.raster.depth_buffer import depth_range
+from jaxthermo.raster.depth_buffer import depth_range, nearest_depth
 
 
 SIDE = 24
@@ -19,6 +19,7 @@ def test_ends_of_the_layers(body):
     nearest, farthest = depth_range(triangles, SIDE, SIDE)
     first = layers.image(0, layers.depth, np.inf)
     np.testing.assert_array_equal(nearest, first)
+    np.testing.assert_array_equal(nearest_depth(triangles, SIDE, SIDE), first)
     last = np.full(SIDE * SIDE, -np.inf)
     last[layers.pixel] = layers.depth  # in order of depth: the last one stays
     np.testing.assert_allclose(farthest.reshape(-1), last, rtol=1e-12)
