@@ -14,7 +14,14 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import added, gathered_columns, rank_in_group, taken
+from ..arrays import (
+    added,
+    array_namespace,
+    device_array,
+    gathered_columns,
+    rank_in_group,
+    taken,
+)
 from .network import AbstractNodeNetwork, inverse
 from .self_adjoint_primitive import Operator, computed_once, conduct
 
@@ -150,18 +157,26 @@ class RowNetwork(AbstractNodeNetwork):
 @partial(jax.jit, inline=True)
 def row_network(
     layout: RowLayout,
-    conductance: Float[Array, " e"],
-    node_capacity: Float[Array, " n"],
+    conductance: Float[np.ndarray | Array, " e"],
+    node_capacity: Float[np.ndarray | Array, " n"],
 ) -> RowNetwork:
     """Operator of links with these conductances [W/K] and capacities [J/K]."""
-    padded = jnp.append(conductance, jnp.zeros(1, conductance.dtype))
+    xp = array_namespace(conductance)
+    padded = xp.append(conductance, xp.zeros(1, conductance.dtype))
+
+    def conductance_of(link: Int[np.ndarray | Array, " _"]) -> Float[Array, " _"]:
+        if xp is jnp:
+            return padded[link]
+        # Known conductances are gathered on the host, where nothing is compiled.
+        return device_array(padded[np.asarray(link)])
+
     return RowNetwork(
         neighbour=tuple(jnp.asarray(index) for index in layout.neighbour),
-        conductance=tuple(padded[link] for link in layout.link),
+        conductance=tuple(conductance_of(link) for link in layout.link),
         list_node=jnp.asarray(layout.list_node),
         list_neighbour=jnp.asarray(layout.list_neighbour),
-        list_conductance=padded[layout.list_link],
-        node_capacity=node_capacity,
+        list_conductance=conductance_of(layout.list_link),
+        node_capacity=device_array(node_capacity),
     )
 
 

@@ -14,8 +14,8 @@ from ..structures.structure import AbstractStructure, ColumnLayout
 def column_network(
     structure: AbstractStructure,
     columns: ColumnLayout,
-    conductance: Float[Array, " e"],
-    capacity: Float[Array, " n"],
+    conductance: Float[np.ndarray | Array, " e"],
+    capacity: Float[np.ndarray | Array, " n"],
 ) -> AbstractNetwork:
     """Network of columns, and of the links outside them [W/K, J/K]."""
     cells = columns.link.size
@@ -37,8 +37,8 @@ def column_network(
     is_sequence = np.array_equal(hub, np.arange(len(hub)))
     return ColumnNetwork(
         others=row_network(layout, conductance[outside], capacity[first:]),
-        conductance=conductance[columns.link],
+        conductance=device_array(conductance[columns.link]),
         hub=None if is_sequence else device_array(hub.astype(np.int32)),
-        node_capacity=capacity,
-        by_link=conductance,
+        node_capacity=device_array(capacity),
+        by_link=device_array(conductance),
     )

@@ -18,14 +18,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from ..arrays import array_namespace, consecutive, device_array
 from ..network.link_operator import row_layout, row_network
 from ..network.network import AbstractNetwork
-from ..sheets.through import cell_values
+from ..sheets.through import CellValues, cell_values
 from ..structures.joined import JoinedStructure
 from ..structures.kinds.sheet import Sheet
 from ..structures.structure import AbstractStructure
@@ -60,35 +59,35 @@ def sheets_conduction(
     faces = xp.concatenate([values.to_front[:, 0], values.to_back[:, -1]])
     area = structure.grid.fragment_area.astype(dtype)
     return _SheetConduction(
-        network=_network(structure, geometry, tuple(map(jnp.asarray, values))),
+        network=_network(structure, geometry, values),
         half_cell=area / faces[geometry.face],
     )
 
 
 def _network(
-    structure: AbstractStructure, geometry: "_Geometry", values: tuple[Array, ...]
+    structure: AbstractStructure, geometry: "_Geometry", values: CellValues
 ) -> AbstractNetwork:
-    along, capacity, to_front, to_back = values
-    along_surface = (along.T[:, geometry.part] * geometry.weight[None]).reshape(-1)
+    along = values.conductance.T[:, geometry.part] * geometry.weight[None]
 
-    def of_nodes(by_area: Float[Array, "p m"]) -> Float[Array, " _"]:
+    def of_nodes(by_area: Float[Any, "p m"]) -> Float[Any, " _"]:
         by_stack = geometry.area[None] * by_area.T[:, geometry.stack]
         return by_stack.sum(axis=-1).reshape(-1)
 
-    through = of_nodes(1 / (to_back[:, :-1] + to_front[:, 1:]))
-    conductance = jnp.concatenate([along_surface, through])
+    through = of_nodes(1 / (values.to_back[:, :-1] + values.to_front[:, 1:]))
+    xp = array_namespace(through)
+    conductance = xp.concatenate([along.reshape(-1), through])
     if isinstance(structure, JoinedStructure):
         order = structure.found("sheet_links", lambda: _link_order(structure))
         conductance = conductance[order]
     columns = structure.columns()
     if columns is None:
         layout = structure.found("row_layout", lambda: _layout(structure))
-        return row_network(layout, conductance, of_nodes(capacity))
+        return row_network(layout, conductance, of_nodes(values.capacity))
     return column_network(
         structure,
         columns=columns,
         conductance=conductance,
-        capacity=of_nodes(capacity),
+        capacity=of_nodes(values.capacity),
     )
 
 
@@ -103,11 +102,11 @@ class _Geometry(NamedTuple):
 
     part: Int[np.ndarray, " e"]
     """Stack of each link along the surface."""
-    weight: Float[Array, " e"]
+    weight: Float[np.ndarray, " e"]
     """Weight of each link along the surface [-]."""
     stack: Int[np.ndarray, "n k"]
     """Stacks of each cell, as many as any cell has."""
-    area: Float[Array, "n k"]
+    area: Float[np.ndarray, "n k"]
     """Area of each cell with each of its stacks [m^2]."""
     face: Int[np.ndarray, " s"]
     """Place of each fragment in the fronts of all stacks, then all backs."""
@@ -142,9 +141,9 @@ def _geometry(sheets: Sequence[Sheet], dtype: Any) -> _Geometry:
     ]
     return _Geometry(
         part=np.concatenate(part),
-        weight=device_array(np.concatenate(weight), dtype),
+        weight=np.concatenate(weight).astype(dtype),
         stack=np.concatenate(stack_rows),
-        area=device_array(np.concatenate(area_rows), dtype),
+        area=np.concatenate(area_rows).astype(dtype),
         face=np.concatenate(face),
     )
 
