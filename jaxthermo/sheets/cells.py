@@ -6,7 +6,7 @@
    other (see `rings`), and the surface goes to the nearest node along it. Areas are
    those of the mesh, exactly.
 3. Triangles with corners in three nodes form a coarse surface. Its Laplacian gives the
-   conductances (see `tufted`).
+   conductances (see `tufted`), and what is stiff stores no heat (see `stiff_nodes`).
 4. Each triangle gives each of its corners' nodes a third of its area, with its normal:
    the fragments of one face of the sheet.
 """
@@ -24,6 +24,7 @@ from .coarse import CoarseSurface, SheetLinks, divided_surface, surface_links
 from .fragments import SheetFragments, surface_fragments
 from .partition import cell_nodes
 from .split import split_long_edges
+from .stiff_nodes import without_stiff_nodes
 from .surface import Surface, proper_faces
 from .tufted import with_cut_borders
 from .weld import DEFAULT_WELD, WeldedMesh, open_seams, shared_area, weld_mesh
@@ -112,6 +113,14 @@ def sheet_cells(
         vertex_node, coarse = divided_surface(
             surface, cell_nodes(surface, lower, pitch), pitch
         )
+        loose = without_stiff_nodes(
+            surface_links(surface, vertex_node, coarse),
+            area=np.bincount(vertex_node, surface.vertex_area),
+            pitch=pitch,
+        )
+        vertex_node = loose.node[vertex_node]
+        links = loose.links
+        position = coarse.node_position[loose.earlier]
     else:
         vertex_node = np.arange(len(surface.vertices))
         coarse = CoarseSurface(
@@ -122,8 +131,9 @@ def sheet_cells(
             part=surface.part,
             is_ring=np.zeros(len(vertex_node), bool),
         )
+        links = surface_links(surface, vertex_node, coarse)
+        position = coarse.node_position
     fragments = surface_fragments(surface, vertex_node)
-    position = coarse.node_position
     parts = int(face_part.max(initial=0)) + 1
     area = np.bincount(
         fragments.node * parts + fragments.part, fragments.area, len(position) * parts
@@ -134,7 +144,7 @@ def sheet_cells(
         pitch=pitch,
         position=position,
         area=area.reshape(-1, parts),
-        links=surface_links(surface, vertex_node, coarse),
+        links=links,
         fragments=fragments,
         vertices=surface.vertices,
         faces=surface.faces,

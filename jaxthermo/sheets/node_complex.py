@@ -86,12 +86,24 @@ class NodeComplex:
     @cached_property
     def characteristic(self) -> Int[np.ndarray, " n"]:
         """Euler characteristic of each node: 1 of a disc, 0 of an annulus."""
-        start, end = self._ends.T
-        edges = np.bincount(start[start == end], minlength=self.count)
-        first, second, third = self._corners.T
+        return self._characteristic(np.ones(self.count, bool))
+
+    def _characteristic(
+        self, is_counted: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
+        """Euler characteristic of some nodes; 0 of the others."""
+        counted = is_counted[self.node]
+        start, end = self.surface.joined_vertices.T
+        joined = counted[start]
+        start = self.node[start[joined]]
+        edges = np.bincount(
+            start[start == self.node[end[joined]]], minlength=self.count
+        )
+        faces = self.surface.faces[self.surface.is_proper]
+        first, second, third = self.node[faces[counted[faces[:, 0]]]].T
         whole = first[(first == second) & (second == third)]
         triangles = np.bincount(whole, minlength=self.count)
-        return np.bincount(self.node, minlength=self.count) - edges + triangles
+        return np.bincount(self.node[counted], minlength=self.count) - edges + triangles
 
     @cached_property
     def _mixed(self) -> Int[np.ndarray, "t 3"]:
@@ -129,10 +141,16 @@ class NodeComplex:
         key = sorted_union(forward, high * self.count + low)
         return np.stack(np.divmod(key, self.count), axis=1)
 
-    @cached_property
-    def degree(self) -> Int[np.ndarray, " n"]:
-        """Number of nodes that each node is joined to along the surface."""
-        return np.bincount(self.pairs[:, 0], minlength=self.count)
+    def degrees(self, nodes: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
+        """Number of nodes that some nodes are joined to along the surface."""
+        is_asked = np.zeros(self.count, bool)
+        is_asked[nodes] = True
+        start, end = self.surface.edges_from(np.flatnonzero(is_asked[self.node]))
+        start = self.node[start]
+        end = self.node[end]
+        across = start != end
+        joined = sorted_union(start[across] * self.count + end[across])
+        return np.bincount(joined // self.count, minlength=self.count)[nodes]
 
     @cached_property
     def _first_pair(self) -> Int[np.ndarray, " m"]:
@@ -181,8 +199,8 @@ class NodeComplex:
     @cached_property
     def closed(self) -> Bool[np.ndarray, " n"]:
         """Flag nodes that close around a tube."""
-        ratio = self.ratio(np.arange(self.count)[:, None])
-        return (ratio < CLOSED) & (self.characteristic == 0)
+        has_turned = self.ratio(np.arange(self.count)[:, None]) < CLOSED
+        return has_turned & (self._characteristic(has_turned) == 0)
 
     def pieces(self, nodes: set[int]) -> list[set[int]]:
         """Connected pieces of some nodes."""

@@ -1,7 +1,7 @@
 """Nodes of a sheet: which vertices of its triangles belong to which node."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -54,18 +54,31 @@ def cell_nodes(
     for _ in range(_ROUNDS):
         node = joined_rings(surface, node, pitch)
         node = _nearest(surface, node, node_positions(surface, node))
+        node = _connected(surface, node)
     return _without_small(surface, node, _TINY)
 
 
-def _connected(surface: Surface, label: Int[np.ndarray, " v"]) -> Int[np.ndarray, " v"]:
-    """Number the connected parts of equal label."""
+def _connected(
+    surface: Surface,
+    label: Int[np.ndarray, " v"],
+    among: Bool[np.ndarray, " v"] | None = None,
+) -> Int[np.ndarray, " v"]:
+    """Number the connected parts of equal label.
+
+    Labels without a vertex `among` some are connected already; None for all vertices.
+    """
     count = len(surface.vertices)
-    start, end = surface.neighbours.T
-    within = (label[start] == label[end]) & (start < end)
+    start, end = surface.joined_vertices.T
+    within = label[start] == label[end]
+    if among is not None:
+        within &= among[start]
     ends = (start[within], end[within])
     graph = coo_array((np.ones(len(ends[0]), bool), ends), shape=(count, count))
-    _, node = connected_components(graph, directed=False)
-    return node.astype(np.int64)
+    _, part = connected_components(graph, directed=False)
+    node = part.astype(np.int64)
+    if among is None:
+        return node
+    return numbered(np.where(among, count + node, label)).number
 
 
 def _without_small(
@@ -73,13 +86,21 @@ def _without_small(
     node: Int[np.ndarray, " v"],
     limit: float,
     *,
+    among: Bool[np.ndarray, " v"] | None = None,
     stays: Int[np.ndarray, " k"] | None = None,
 ) -> Int[np.ndarray, " v"]:
-    """Join small nodes to the neighbour that they share most edges with."""
+    """Join small nodes to the neighbour that they share most edges with.
+
+    Nodes without a vertex `among` some remain, and those of the numbers in `stays`.
+    """
     # Once: a strip at a plate, narrower than a cell, would be joined node by node.
     count = int(node.max()) + 1
     area = np.bincount(node, surface.vertex_area, count)
-    start, end = node[surface.neighbours].T
+    start, end = surface.neighbours.T
+    if among is not None:
+        start, end = surface.edges_from(np.flatnonzero(among))
+    start = node[start]
+    end = node[end]
     across = start != end
     pairs, shared = np.unique((start * count + end)[across], return_counts=True)
     source = pairs // count
@@ -133,37 +154,52 @@ def with_border_nodes(
     order = np.lexsort([distance, foot])
     order = order[np.diff(foot[order], prepend=-1) != 0]
     order = order[distance[order] < present[order]]
-    node = node.copy()
-    node[vertex[order]] = len(position) + foot[order]
-    node = _nearest(surface, node, np.concatenate([position, feet]))
-    return _without_small(surface, node, _TINY, stays=node[vertex[order]])
+    new = vertex[order]
+    finer = node.copy()
+    finer[new] = len(position) + foot[order]
+    finer = _nearest(surface, finer, np.concatenate([position, feet]), moved=new)
+    # Only nodes that gained or lost vertices may be small, or in several parts.
+    has_changed = np.zeros(len(position) + len(feet), bool)
+    has_changed[node[finer != node]] = True
+    has_changed[finer[new]] = True
+    among = has_changed[finer]
+    finer = _connected(surface, finer, among)
+    return _without_small(surface, finer, _TINY, among=among, stays=finer[new])
 
 
 def _nearest(
     surface: Surface,
     node: Int[np.ndarray, " v"],
     position: Float[np.ndarray, "n 3"],
+    moved: Int[np.ndarray, " m"] | None = None,
 ) -> Int[np.ndarray, " v"]:
-    """Move vertices to the nearest node that a neighbour belongs to."""
-    start, end = surface.neighbours.T
+    """Move vertices to the nearest node that a neighbour belongs to.
+
+    Args:
+        surface: its triangles.
+        node: node of each vertex.
+        position: position of each node [m].
+        moved: vertices whose neighbours may be nearer to their nodes; None for all.
+    """
     node = node.copy()
+    start, end = surface.neighbours.T
+    if moved is not None:
+        end, start = surface.edges_from(moved)
     for _ in range(_SWEEPS):
         across = np.flatnonzero(node[start] != node[end])
         vertex = start[across]
         offered = node[end[across]]
-        distance = _distances(surface.vertices[vertex], position[offered])
-        first = np.flatnonzero(np.diff(vertex, prepend=-1))
-        nearest = np.minimum.reduceat(distance, first)
-        counts = np.diff(first, append=len(vertex))
-        hits = np.flatnonzero(distance == np.repeat(nearest, counts))
-        hits = hits[np.diff(vertex[hits], prepend=-1) != 0]
-        moving = vertex[hits]
-        present = _distances(surface.vertices[moving], position[node[moving]])
-        nearer = nearest < (1 - 1e-9) * present
-        if not nearer.any():
+        offers = _distances(surface.vertices[vertex], position[offered])
+        present = _distances(surface.vertices[vertex], position[node[vertex]])
+        # The nearest offer of each vertex is written last, of equal ones the first.
+        nearer = np.flatnonzero(offers < (1 - 1e-9) * present)[::-1]
+        nearer = nearer[np.argsort(-offers[nearer], kind="stable")]
+        node[vertex[nearer]] = offered[nearer]
+        # A vertex has a new offer where a neighbour has moved.
+        end, start = surface.edges_from(sorted_union(vertex[nearer]))
+        if not len(start):
             break
-        node[moving[nearer]] = offered[hits[nearer]]
-    return _connected(surface, node)
+    return node
 
 
 def _distances(

@@ -139,10 +139,10 @@ def _ends(nodes: NodeComplex, arcs: _Arcs) -> _Sides:
     is_end = np.bincount(node[corners], minlength=count) >= 2
     is_end &= np.bincount(arcs.node, minlength=count) == 1
     # A notch in the border of a plate has more neighbours.
-    is_end &= (nodes.degree >= 1) & (nodes.degree <= 2)
-    corners = corners[is_end[node[corners]]]
+    numbers = np.flatnonzero(is_end)
+    degree = nodes.degrees(numbers)
     pairs = []
-    for number in np.flatnonzero(is_end):
+    for number in numbers[(degree >= 1) & (degree <= 2)]:
         members = corners[node[corners] == number]
         points = surface.vertices[members]
         gaps = np.linalg.norm(points[:, None] - points, axis=2)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
 
-from ..arrays import numbered, sorted_union, stable_order
+from ..arrays import rank_in_group
 from ..geometry.mesh import edges_of
 from ..geometry.vectors import row_dot, unit_vectors
 
@@ -44,22 +45,46 @@ class Surface:
         return proper_faces(self.faces)
 
     @cached_property
-    def neighbours(self) -> Int[np.ndarray, "e 2"]:
-        """Pairs of vertices that an edge joins, in both orders; sorted."""
-        count = len(self.vertices)
-        start = self.edges.start
-        end = self.edges.end
-        proper = start != end
-        key = np.concatenate([start * count + end, end * count + start])
-        key = sorted_union(key[np.concatenate([proper, proper])])
-        # Contiguous by columns, which are read one by one.
-        return np.stack([key // count, key % count]).T
+    def _first_sides(self) -> Int[np.ndarray, " e"]:
+        """First half-edge of each edge."""
+        first = np.empty(len(self.edges.uses), np.int64)
+        # Written from the last to the first: the first stays.
+        first[self.edges.edge[::-1]] = np.arange(len(self.edges.edge))[::-1]
+        return first
 
     @cached_property
     def joined_vertices(self) -> Int[np.ndarray, "e 2"]:
         """Pairs of vertices that an edge joins, the lower one first; sorted."""
-        start, end = self.neighbours.T
-        return np.stack([start[start < end], end[start < end]]).T
+        start = self.edges.start[self._first_sides]
+        end = self.edges.end[self._first_sides]
+        # Contiguous by columns, which are read one by one.
+        return np.stack([np.minimum(start, end), np.maximum(start, end)]).T
+
+    @cached_property
+    def _joined(self) -> csr_array:
+        """Matrix of vertices that an edge joins; rows and columns are sorted."""
+        count = len(self.vertices)
+        low, high = self.joined_vertices.T
+        ends = (np.concatenate([high, low]), np.concatenate([low, high]))
+        is_joined = np.ones(len(ends[0]), bool)
+        return csr_array((is_joined, ends), shape=(count, count))
+
+    @cached_property
+    def neighbours(self) -> Int[np.ndarray, "e 2"]:
+        """Pairs of vertices that an edge joins, in both orders; sorted."""
+        degree = np.diff(self._joined.indptr)
+        start = np.repeat(np.arange(len(self.vertices)), degree)
+        return np.stack([start, self._joined.indices]).T
+
+    def edges_from(
+        self, vertices: Int[np.ndarray, " m"]
+    ) -> tuple[Int[np.ndarray, " e"], Int[np.ndarray, " e"]]:
+        """Some vertices, once for each of their neighbours, and these neighbours."""
+        first = self._joined.indptr[vertices]
+        count = self._joined.indptr[vertices + 1] - first
+        entry = np.repeat(np.arange(len(vertices)), count)
+        neighbour = self._joined.indices[first[entry] + rank_in_group(entry)]
+        return vertices[entry], neighbour.astype(np.int64)
 
     @cached_property
     def vertex_area(self) -> Float[np.ndarray, " v"]:
@@ -102,17 +127,16 @@ class Surface:
     def partition_edges(self) -> Int[np.ndarray, "k 2"]:
         """Ends of the edges of three, five, .. faces, one of each edge's sides."""
         edges = self.edges
-        first = numbered(edges.edge).first
-        first = first[(edges.uses % 2 == 1) & (edges.uses > 1)]
+        first = self._first_sides[(edges.uses % 2 == 1) & (edges.uses > 1)]
         return np.stack([edges.start[first], edges.end[first]], axis=1)
 
     @cached_property
     def creases(self) -> Int[np.ndarray, "c 2"]:
         """Ends of the edges of creases, of branches and between parts."""
         edges = self.edges
-        order = stable_order(edges.edge)
-        first = order[np.diff(edges.edge[order], prepend=-1) != 0]
-        pairs = order[edges.uses[edges.edge[order]] == 2].reshape(-1, 2)
+        last = np.empty(len(edges.uses), np.int64)
+        last[edges.edge] = np.arange(len(edges.edge))
+        pairs = np.stack([self._first_sides, last], axis=1)[edges.uses == 2]
         # Faces of opposite winding run along their edge in the same direction.
         winding = np.where(
             edges.start[pairs[:, 0]] == edges.start[pairs[:, 1]], -1.0, 1.0
@@ -121,9 +145,7 @@ class Surface:
         cosine = winding * row_dot(normal[:, 0], normal[:, 1])
         part = self.part[self.is_proper][pairs // 3]
         sharp = (cosine < SHARP_TURN) | (part[:, 0] != part[:, 1])
-        crease = np.concatenate(
-            [pairs[sharp, 0], first[edges.uses[edges.edge[first]] > 2]]
-        )
+        crease = np.concatenate([pairs[sharp, 0], self._first_sides[edges.uses > 2]])
         ends = np.stack([edges.start[crease], edges.end[crease]], axis=1)
         return ends[ends[:, 0] != ends[:, 1]]
 
