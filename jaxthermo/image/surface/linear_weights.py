@@ -24,10 +24,17 @@ from ...geometry.vectors import row_dot, tangents
 _REGULARIZATION = 1e-6
 """e [-]; the mean position differs from the point by R e |l|."""
 
-# Newton's method: steps of l, the largest of them at first, and the last one.
-_MAX_STEPS = 50
+# Newton's method: steps of l, the largest of them at first, and those in which weights
+# change linearly.
+_MAX_STEPS = 16
 _MAX_STEP = 4.0
-_LAST_STEP = 1e-7
+_SHORT_STEP = 1e-4
+
+_LAST_MOVE = 1e-7
+"""Way of the mean position in the last step, over the radius [-].
+
+The step itself may grow without end, where the point is outside of what has weights.
+"""
 
 # Points that are solved together: temporaries stay in the cache.
 _CHUNK = 2048
@@ -50,17 +57,22 @@ def linear_weights(
         radius: of the weights [m].
     """
     data = np.empty_like(weights.data)
+    # Points with about as many neighbours together: a table has room for the most.
+    order = np.argsort(np.diff(weights.indptr), kind="stable")
     for start in range(0, len(points), _CHUNK):
-        stop = min(start + _CHUNK, len(points))
-        bounds = weights.indptr[start : stop + 1]
-        entries = slice(bounds[0], bounds[-1])
-        offset = offsets(
-            points[start:stop],
-            normals=normals[start:stop],
-            count=np.diff(bounds),
-            neighbour=position[weights.indices[entries]],
+        chosen = order[start : start + _CHUNK]
+        first = weights.indptr[chosen]
+        count = weights.indptr[chosen + 1] - first
+        row = np.arange(count.max())[:, None]
+        # A table repeats the last neighbour of a point that has fewer, without weight.
+        entry = first + np.minimum(row, count - 1)
+        is_entry = row < count
+        away = position[weights.indices[entry]] - points[chosen]
+        offset = np.stack(
+            [(away * direction).sum(axis=-1) for direction in tangents(normals[chosen])]
         )
-        data[entries] = _tilted(weights.data[entries], offset / radius, bounds)
+        table = _tilted(np.where(is_entry, weights.data[entry], 0), offset / radius)
+        data[entry[is_entry]] = table[is_entry]
     return csr_array((data, weights.indices, weights.indptr), weights.shape)
 
 
@@ -130,72 +142,79 @@ class _Spread(NamedTuple):
 class _Moments(NamedTuple):
     """Means of some points with the weights at l."""
 
-    weight: Float[np.ndarray, " n"]
+    weight: Float[np.ndarray, "n p"]
     mean: Float[np.ndarray, "2 p"]
     """Sum of w r [-]."""
     spread: _Spread
 
 
 def _tilted(
-    weight: Float[np.ndarray, " n"],
-    offset: Float[np.ndarray, "2 n"],
-    bounds: Int[np.ndarray, " p1"],
-) -> Float[np.ndarray, " n"]:
-    """Weights of points, whose entries lie between successive bounds."""
-    result = weight.copy()
-    # Entries of the points that are not solved yet.
-    count = np.diff(bounds)
-    entry = np.arange(len(weight))
-    active = np.arange(len(count))
-    tilt = np.zeros((2, len(count)))
-    largest = np.full(len(count), _MAX_STEP)
-    previous = np.zeros((2, len(count)))
+    weight: Float[np.ndarray, "n p"], offset: Float[np.ndarray, "2 n p"]
+) -> Float[np.ndarray, "n p"]:
+    """Weights of the n neighbours of each point."""
+    result = np.empty_like(weight)
+    # Points that are not solved yet, and some that are.
+    active = np.arange(weight.shape[1])
+    tilt = np.zeros((2, len(active)))
+    largest = np.full(len(active), _MAX_STEP)
+    previous = np.zeros((2, len(active)))
     for _ in range(_MAX_STEPS):
-        moments = _moments(
-            weight[entry], offset[:, entry], tilt[:, active], count[active]
-        )
-        result[entry] = moments.weight
-        gradient = moments.mean + _REGULARIZATION * tilt[:, active]
-        step = -_solved(moments.spread, gradient)
+        moments = _moments(weight, offset, tilt)
+        step = -_solved(moments.spread, moments.mean + _REGULARIZATION * tilt)
         length = np.hypot(*step)
         # A step that turns back has jumped over the solution.
-        back = (step * previous[:, active]).sum(axis=0) < 0
-        largest[active] = np.where(back, largest[active] / 2, largest[active])
-        step *= np.minimum(1, largest[active] / np.maximum(length, 1e-300))
-        tilt[:, active] += step
-        previous[:, active] = step
-        goes_on = length > _LAST_STEP
-        if not goes_on.any():
-            break
-        entry = entry[np.repeat(goes_on, count[active])]
-        active = active[goes_on]
+        back = (step * previous).sum(axis=0) < 0
+        largest = np.where(back, largest / 2, largest)
+        step *= np.minimum(1, largest / np.maximum(length, 1e-300))
+        goes_on = np.hypot(*_product(moments.spread, step)) > _LAST_MOVE
+        if goes_on.sum() <= len(active) / 2:
+            short = np.where(length < _SHORT_STEP, step, 0)
+            centred = offset - moments.mean[:, None]
+            change = (short[:, None] * centred).sum(axis=0)
+            result[:, active] = moments.weight * (1 + change)
+            active = active[goes_on]
+            if not len(active):
+                break
+            weight = weight[:, goes_on]
+            offset = offset[:, :, goes_on]
+            step = step[:, goes_on]
+            tilt = tilt[:, goes_on]
+            largest = largest[goes_on]
+        tilt = tilt + step
+        previous = step
+    else:
+        result[:, active] = _moments(weight, offset, tilt).weight
     return result
 
 
 def _moments(
-    weight: Float[np.ndarray, " n"],
-    offset: Float[np.ndarray, "2 n"],
+    weight: Float[np.ndarray, "n p"],
+    offset: Float[np.ndarray, "2 n p"],
     tilt: Float[np.ndarray, "2 p"],
-    count: Int[np.ndarray, " p"],
 ) -> _Moments:
-    first = np.cumsum(count) - count
     x, y = offset
-    exponent = x * np.repeat(tilt[0], count) + y * np.repeat(tilt[1], count)
-    exponent -= np.repeat(np.maximum.reduceat(exponent, first), count)
-    tilted = weight * np.exp(exponent)
-    tilted /= np.repeat(np.add.reduceat(tilted, first), count)
-
-    def mean(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " p"]:
-        return np.add.reduceat(tilted * values, first)
-
-    mean_x = mean(x)
-    mean_y = mean(y)
+    exponent = x * tilt[0] + y * tilt[1]
+    exponent -= exponent.max(axis=0)
+    tilted = weight * np.exp(exponent, out=exponent)
+    tilted /= tilted.sum(axis=0)
+    along_x = tilted * x
+    along_y = tilted * y
+    mean_x = along_x.sum(axis=0)
+    mean_y = along_y.sum(axis=0)
     spread = _Spread(
-        xx=mean(x * x) - mean_x * mean_x,
-        xy=mean(x * y) - mean_x * mean_y,
-        yy=mean(y * y) - mean_y * mean_y,
+        xx=(along_x * x).sum(axis=0) - mean_x * mean_x,
+        xy=(along_x * y).sum(axis=0) - mean_x * mean_y,
+        yy=(along_y * y).sum(axis=0) - mean_y * mean_y,
     )
     return _Moments(tilted, np.stack([mean_x, mean_y]), spread)
+
+
+def _product(
+    spread: _Spread, vector: Float[np.ndarray, "2 p"]
+) -> Float[np.ndarray, "2 p"]:
+    """Product of the covariance and a vector."""
+    x, y = vector
+    return np.stack([spread.xx * x + spread.xy * y, spread.xy * x + spread.yy * y])
 
 
 def _solved(
