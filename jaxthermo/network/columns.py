@@ -30,7 +30,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from equinox import Module
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import added, taken
 
@@ -45,6 +45,20 @@ For A and any symmetric B with rates up to b the rates of P (A + B) are at most 
 largest value of (1 + 2 z) / (1 + z)^2 (z / s + b) over z >= 0, since B <= b I. With
 s = 1.25 dt and b = 2 * 0.9 / dt that is below 2 / dt, the limit of an Euler step.
 """
+
+_LOADED_FRACTION = 1.68
+"""Limit of (b + l) dt with loads on cells, see `Columns.load_rate` [-].
+
+Rates of P (A + B + S), with S the loads, are below 2 / dt where (2 / dt) P^-1 - A - B -
+S is positive. With z = s A the convex function 2 P^-1 - 0.8 z = 2 (1 + z)^2 / (1 + 2 z)
+- 0.8 z is above its tangent at z = 2, 1.68 + 0.16 z = 1.68 + 0.2 dt A.
+"""
+
+_SPREAD = 0.2
+"""Fraction of the conduction of columns that spreads loads on their cells [-]."""
+
+_BISECTIONS = 30
+"""Halvings of the interval of a rate: to 1e-9 of the loads over the capacity."""
 
 
 class _Split(NamedTuple):
@@ -109,6 +123,50 @@ class Columns(Module):
         others = jnp.zeros_like(self.split(self.node_capacity).others)
         of_others = self.to_hubs(others, self.conductance[-1])
         return jnp.concatenate([of_cells.reshape(-1), of_others])
+
+    def stable_rate(
+        self, rate: Float[Array, ""], stiffness: Float[Array, " n"]
+    ) -> Float[Array, ""]:
+        """1 over the stable step with loads on cells, which the columns spread [1/s].
+
+        The largest sum b of conductances outside the columns over the capacity of a
+        node is `rate` [1/s]. `stiffness` is what loads add on the cells [W/K].
+        """
+        return (2 * rate + self._load_rate(2 * stiffness)) / _LOADED_FRACTION
+
+    def _load_rate(self, stiffness: Float[Array, " n"]) -> Float[Array, ""]:
+        """Largest rate l of loads less a fifth of the conduction of columns [1/s].
+
+        The largest eigenvalue of S - 0.2 A: the least l for which elimination of l C -
+        S + 0.2 C A has positive pivots only.
+        """
+        conductance = _SPREAD * self.conductance
+        capacity = self.split(self.node_capacity)
+        load = self.split(stiffness).cells
+
+        def is_above(rate: Float[Array, ""]) -> Bool[Array, ""]:
+            def eliminate(passed, cell):
+                heat, link = cell
+                total = heat + passed
+                pivot = total + link
+                return total * link / jnp.where(pivot > 0, pivot, 1), pivot > 0
+
+            cells = rate * capacity.cells - load
+            passed, are_positive = jax.lax.scan(
+                eliminate, jnp.zeros_like(cells[0]), (cells, conductance)
+            )
+            hubs = self.to_hubs(rate * capacity.others, passed)
+            return are_positive.all() & (hubs >= 0).all()
+
+        def halve(_, bounds):
+            low, high = bounds
+            middle = (low + high) / 2
+            above = is_above(middle)
+            return jnp.where(above, low, middle), jnp.where(above, middle, high)
+
+        high = (load / capacity.cells).max()
+        bounds = (jnp.zeros_like(high), high)
+        return jax.lax.fori_loop(0, _BISECTIONS, halve, bounds)[1]
 
     def factored(self, span: Float[Array, ""]) -> "ColumnFactors":
         """Factors of I - s A for a span of time s [s]."""

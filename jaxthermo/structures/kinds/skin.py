@@ -53,7 +53,8 @@ class Skin(AbstractVoxelStructure):
     by depth alone: along the surface the node conducts for all of them, since heat that
     has gone less than a voxel deep has gone less than a voxel sideways.
 
-    Explicit steps eliminate the columns, so that they take no shorter steps.
+    Explicit steps eliminate the columns, which spread the loads on their thin cells:
+    steps follow from the volume left to the nodes, and from how deep heat goes in one.
 
     Raises:
         InputError: for a structure with weights or a skin, or a number of cells that is

@@ -136,6 +136,38 @@ def test_rates_of_filtered_conduction_stay_below_the_limit_of_a_step(body):
         assert eigenvalues.real.max() <= 2 / dt * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("load", [0.0, 0.1, 10.0, 1e3])
+def test_columns_spread_loads_on_their_cells(body, load):
+    """The step is stable, and a third or more of the longest stable one."""
+    columns = body.network.columns.scaled(jnp.asarray(100.0))
+    matrix = 100.0 * body.column_matrix()
+    capacity = np.asarray(body.network.capacity())
+    root = np.sqrt(capacity)
+    stiffness = load * _random(len(root), 0.1, 1, seed=6)
+    stiffness[CELLS * COLUMNS :] = 0
+    rng = np.random.default_rng(5)
+    half = rng.normal(size=matrix.shape)
+    others = half @ half.T
+    rate = 0.05
+    others *= 2 * rate / np.linalg.eigvalsh(others).max()
+    # Loads that are links between cells may be twice as stiff.
+    loads = np.diag(2 * stiffness / capacity)
+    rates = loads - matrix + others * root / root[:, None]
+
+    def largest_rate(dt, solve, span):
+        factors = columns.factored(jnp.asarray(span * dt))
+        product = np.asarray(jax.vmap(getattr(factors, solve))(jnp.eye(len(root)))).T
+        return np.linalg.eigvals(product @ rates).real.max()
+
+    dt = 1 / float(columns.stable_rate(jnp.asarray(rate), jnp.asarray(stiffness)))
+    for solve, span in (("filtered", FILTER_TIME), ("backward", 1.0)):
+        assert largest_rate(dt, solve, span) <= 2 / dt * (1 + 1e-9)
+    assert largest_rate(3 * dt, "filtered", FILTER_TIME) > 2 / (3 * dt)
+    in_columns = 0.2 * matrix * root[:, None] / root
+    largest = np.linalg.eigvalsh(in_columns + loads).max()
+    assert 1.68 / dt - 2 * rate == pytest.approx(largest, rel=1e-6, abs=1e-9)
+
+
 @pytest.mark.parametrize(("dtype", "limit"), [("float32", 3e-7), ("float64", 1e-15)])
 @pytest.mark.parametrize("stiffness", [1e-6, 1.0, 1e6, 1e12])
 def test_no_step_changes_the_heat_of_a_rise(dtype, limit, stiffness):
