@@ -171,7 +171,7 @@ class ForwardEuler(AbstractSolver):
             raise InputError(
                 f"solver: dt={dt:g} s is too long: the largest stable step of this "
                 f"scene is {stable_step:.6g} s; give that or less, or no dt to have it "
-                "chosen, or another solver, such as TRBDF2()"
+                "chosen, or another solver: SuperTimeStepping() or TRBDF2()"
             )
         return dt
 

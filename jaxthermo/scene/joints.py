@@ -29,7 +29,7 @@ def joints(
             `assembly`; infinity bonds, 0 insulates.
         default: h_c of all other bodies that touch; None to leave them apart.
         threshold: largest gap of a joint [m]; None for a voxel of the finer body, and
-            for a tenth of it at the border of a sheet.
+            for a tenth of it between two sheets and at the border of one.
 
     Raises:
         InputError: for a pattern that matches no name, or a value that is wrong.

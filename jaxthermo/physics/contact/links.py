@@ -354,7 +354,8 @@ class Contact(AbstractJoint):
     """Numbers of the two bodies, or of the bodies of two groups; None for any two that
     touch."""
     threshold: float | None = eqx.field(static=True, default=None)
-    """Largest gap that counts as contact [m]; None for a voxel of the finer body."""
+    """Largest gap that counts as contact [m]; None for a voxel of the finer body, and
+    between two sheets for a tenth of a cell."""
     gap_length: float | None = eqx.field(static=True, default=None)
     """Gap over which the conductance falls smoothly to 0 [m]; None for a constant
     conductance up to the threshold."""

@@ -24,7 +24,7 @@ from ...sheets.sheet_grid import SheetGrid
 from ...sheets.surface import proper_faces
 from ..together import found_between
 from .rays import PlacedGrid
-from .search import overlapping_pairs
+from .search import SHEET_GAP, overlapping_pairs
 from .shares import fragment_shares
 
 
@@ -39,9 +39,6 @@ _NEIGHBOURS = 8
 
 _ROUNDING = 1e-6
 """Length of a way that rounding makes, over the gap [-]."""
-
-_GAP = 0.1
-"""Default for the largest gap of a seam, over the finer body's pitch [-]."""
 
 
 class SeamPairs(NamedTuple):
@@ -193,7 +190,7 @@ def seams_between(
     """
     outlines = [_Outline(body) for body in bodies]
     gaps = np.array(
-        [_GAP * body.pitch if threshold is None else threshold for body in bodies]
+        [SHEET_GAP * body.pitch if threshold is None else threshold for body in bodies]
     )
     bounds = np.stack([body.world_bounds for body in bodies])
     seams = {}

@@ -36,6 +36,10 @@ _COVERAGE_TOLERANCE = 1e-3
 _ROUNDING = 1e-12
 
 
+SHEET_GAP = 0.1
+"""Default for the largest gap of seams and of two sheets, over the pitch [-]."""
+
+
 class ContactPairs(NamedTuple):
     """Fragments of a body A and a body B that touch, each pair once.
 
@@ -165,8 +169,8 @@ def broad_phase(
 ) -> _BroadPhase:
     """Pairs of bodies that neither their boxes nor a view along an axis separate.
 
-    `threshold` is the largest gap that counts as contact [m]; None for one voxel of the
-    finer body.
+    `threshold` is the largest gap that counts as contact [m]; None for `default_gap`,
+    which is one voxel of the finer body or less.
     """
     # The distance along an axis can exceed the gap by this factor.
     margin = np.array(
@@ -254,6 +258,16 @@ def overlapping_pairs(
     return np.stack([i[meet], j[meet]], axis=1)
 
 
+def default_gap(a: PlacedGrid, b: PlacedGrid) -> float:
+    """Largest gap that counts as contact if none is given [m].
+
+    One voxel of the finer body, by which the surfaces of voxels are uncertain. Two
+    sheets have the surfaces of their meshes: a tenth of a cell.
+    """
+    both_are_sheets = a.is_sheet and b.is_sheet
+    return (SHEET_GAP if both_are_sheets else 1.0) * min(a.pitch, b.pitch)
+
+
 @stored_search("contacts", (ContactPairs,))
 def find_contacts(
     a: PlacedGrid, b: PlacedGrid, threshold: Scalar | None = None
@@ -267,7 +281,7 @@ def find_contacts(
     Raises:
         InputError: if the threshold is not positive, or the bodies overlap deeply.
     """
-    max_gap = min(a.pitch, b.pitch) if threshold is None else float(threshold)
+    max_gap = default_gap(a, b) if threshold is None else float(threshold)
     if not (np.isfinite(max_gap) and max_gap > 0):
         raise InputError(f"contact threshold {max_gap!r}: give a positive length [m]")
     require_shallow(a, b, max_gap)

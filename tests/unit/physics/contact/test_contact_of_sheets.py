@@ -91,7 +91,7 @@ def test_the_area_of_two_turned_sheets_is_that_of_the_common_polygon(degrees, sh
 
 
 def test_a_sheet_that_is_wholly_covered_has_its_area():
-    small = placed(plate(0.5, 0.37, 0.06), (0.02, 0.03, -0.01), turn=(0.0, 0.0, 17.0))
+    small = placed(plate(0.5, 0.37, 0.06), (0.02, 0.03, -0.003), turn=(0.0, 0.0, 17.0))
     pairs = find_contacts(small, placed(plate(1.0, 1.0)))
     assert pairs.area.sum() == pytest.approx(0.5 * 0.37, rel=1e-12)
     assert_allclose(pairs.coverage_a, faces(small) == FRONT, atol=1e-12)
@@ -180,6 +180,12 @@ def test_sheets_apart_by_more_than_the_threshold_do_not_touch():
     second = placed(plate(), (0.0, 0.0, 0.02))
     assert find_contacts(first, second, 0.03).count
     assert not find_contacts(first, second, 0.01).count
+    # Within a cell, and not within a tenth of one.
+    pitch = first.pitch
+    assert not find_contacts(first, second).count
+    assert find_contacts(first, placed(plate(), (0.0, 0.0, 0.09 * pitch))).count
+    block = placed(box_grid((1.0, 0.8, 0.1), pitch), (0.0, 0.0, -0.05 - 0.9 * pitch))
+    assert find_contacts(first, block).count
     upright = placed(plate(), (0.0, 0.0, 0.31), turn=(90.0, 0.0, 0.0))
     assert not find_contacts(first, upright).count
 
