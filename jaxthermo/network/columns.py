@@ -129,10 +129,11 @@ class Columns(Module):
     ) -> Float[Array, ""]:
         """1 over the stable step with loads on cells, which the columns spread [1/s].
 
-        The largest sum b of conductances outside the columns over the capacity of a
-        node is `rate` [1/s]. `stiffness` is what loads add on the cells [W/K].
+        The largest sum of conductances outside the columns over the capacity of a node
+        is `rate` [1/s], half of b. `stiffness` is a diagonal matrix that is no less
+        than what loads add to the balances of the cells [W/K].
         """
-        return (2 * rate + self._load_rate(2 * stiffness)) / _LOADED_FRACTION
+        return (2 * rate + self._load_rate(stiffness)) / _LOADED_FRACTION
 
     def _load_rate(self, stiffness: Float[Array, " n"]) -> Float[Array, ""]:
         """Largest rate l of loads less a fifth of the conduction of columns [1/s].

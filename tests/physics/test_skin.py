@@ -215,6 +215,18 @@ def test_columns_do_not_shorten_the_step():
     assert stable[1] == pytest.approx(stable[0], rel=1e-9)
 
 
+def test_columns_spread_loads_on_their_cells():
+    """Heat of 500 s goes as deep as the columns: the outermost cell would allow 8 s."""
+    rubber = jt.Material(0.24, density=1200.0, specific_heat=1400.0)
+    skin = jt.Skin(jt.FullVolume(bar(4, 0.04)), cells=12, on=HOT_END)
+    air = jt.Convection(15.0, 295.0, on=HOT_END)
+    scene = single_body_scene(skin, rubber, 295.0, air)
+    compiled = compile_scene(scene, 1, HOUR)
+    assert float(compiled.stable_step) > 500.0
+    outermost = np.asarray(compiled.program.bodies[0].network.capacity())[0]
+    assert outermost / (15.0 * 0.04**2) < 10.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "solver", [jt.ForwardEuler(dt=100.0), jt.SuperTimeStepping(dt=HOUR, stages=9)]

@@ -37,8 +37,15 @@ def stable_step_of(
     return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
 
 
-_Loads = list[tuple[Address, Float[Array, " m"]]]
-"""Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
+class _Load(NamedTuple):
+    """Conductance of a load on some nodes of a body."""
+
+    address: Address
+    stiffness: Float[Array, " m"]
+    """Conductance that it adds to each node [W/K]."""
+    is_link: bool
+    """True if the other end is a node too: the matrix of a link is up to twice as large
+    as its diagonal."""
 
 
 class _Rates(NamedTuple):
@@ -50,15 +57,18 @@ class _Rates(NamedTuple):
     """The same with loads on the cells of columns spread by these."""
 
 
-def _rates(network: AbstractNetwork, loads: _Loads) -> _Rates:
+def _rates(network: AbstractNetwork, loads: list[_Load]) -> _Rates:
     rates = [network.max_rate()]
     conductance = network.explicit_diagonal() * network.max_relative_conductivity()
     total = conductance
-    for address, stiffness in loads:
-        total = added(total, address, stiffness)
-    for address, _ in loads:
-        capacity = network.capacity_at(address) * network.min_relative_capacity()
-        rates.append((taken(total, address) / capacity).max())
+    bound = jnp.zeros_like(conductance)
+    for load in loads:
+        total = added(total, load.address, load.stiffness)
+        largest = (2 if load.is_link else 1) * load.stiffness
+        bound = added(bound, load.address, largest)
+    for load in loads:
+        capacity = network.capacity_at(load.address) * network.min_relative_capacity()
+        rates.append((taken(total, load.address) / capacity).max())
     at_nodes = jnp.stack(rates).max()
     columns = network.columns
     if columns is None:
@@ -66,30 +76,36 @@ def _rates(network: AbstractNetwork, loads: _Loads) -> _Rates:
     capacity = network.capacity() * network.min_relative_capacity()
     on_cells = jnp.arange(total.shape[0]) < columns.conductance.size
     explicit = jnp.where(on_cells, conductance, total)
-    load = (total - conductance) / network.min_relative_capacity()
     rate = jnp.maximum(network.max_rate(), (explicit / capacity).max())
     return _Rates(
         at_nodes=at_nodes,
-        with_columns=columns.stable_rate(rate, stiffness=load),
+        with_columns=columns.stable_rate(
+            rate, stiffness=bound / network.min_relative_capacity()
+        ),
     )
 
 
-def _stiffness(program: Program, number: int, highest, end) -> _Loads:
+def _stiffness(program: Program, number: int, highest, end) -> list[_Load]:
     """Conductance that loads add to the nodes of a body."""
-    loads: _Loads = []
+    loads = []
     if program.surface is not None:
         relative = _extremes(program, number)
-        loads = program.surface.stiffness(number, highest, end, relative)
+        # Exchange of radiation, and air with a node, link the cells of surfaces.
+        is_link = program.enclosure is not None or bool(program.airs)
+        pairs = program.surface.stiffness(number, highest, end, relative)
+        for address, stiffness in pairs:
+            loads.append(_Load(address, stiffness, is_link=is_link))
     for contact in program.contacts:
         first, second = contact.bodies
         pair = _extremes(program, first), _extremes(program, second)
         for side in (0, 1):
             if contact.bodies[side] == number:
                 stiffness = contact.stiffness(side, end, pair)
-                loads.append((contact.address[side], stiffness))
+                loads.append(_Load(contact.address[side], stiffness, is_link=True))
     for air in program.airs:
         if program.group_of(air.body) == number:
-            loads.append(((jnp.zeros(1, int),), _air_stiffness(program, air, end)))
+            stiffness = _air_stiffness(program, air, end)
+            loads.append(_Load((jnp.zeros(1, int),), stiffness, is_link=True))
     return loads
 
 
