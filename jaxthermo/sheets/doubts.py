@@ -1,10 +1,11 @@
-"""Doubts about a surface as a wall: it curves within its thickness, or lies twice.
+"""Doubts about a surface as a wall: it curves too much, lies twice, or is too narrow.
 
 A wall of thickness d on a surface whose principal curvatures add up to K has a volume
 that the surface times d misses by d K / 2, and a back that differs by d K from its
 front: from d K = 1 on the wall would fold.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.spatial import KDTree
 from ..geometry.mesh import edges_of
 from ..geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ..memo.found import found
+from .node_complex import CLOSED
 from .sheet_grid import SheetGrid
 
 
@@ -26,6 +28,9 @@ _PARALLEL = np.cos(np.radians(2))
 _AT_ONE_PLACE = 1e-3
 # Largest number of triangles that are tested: their neighbours are lists of numbers.
 _TESTED = 5_000
+
+_POOR = 0.9
+"""Conductance along a narrow part over the right one, below which it is told [-]."""
 
 
 def curvature(grid: SheetGrid) -> Float[np.ndarray, " n"]:
@@ -117,3 +122,83 @@ def _double_area(grid: SheetGrid) -> DoubleArea | None:
         return None
     area = float(cells.face_area[double].sum()) * step
     return DoubleArea(area=area, position=centre[double[0]])
+
+
+class PoorConduction(NamedTuple):
+    """Part of a surface that conducts too little along itself."""
+
+    ratio: float
+    """Conductance over the right one where it is smallest [-]."""
+    area_fraction: float
+    """Fraction of the surface that conducts too little [-]."""
+    position: Float[np.ndarray, "3"]
+    """A node of the smallest ratio [m]."""
+
+
+def poor_conduction(grid: SheetGrid) -> PoorConduction | None:
+    """Narrow tubes and bars that conduct too little along themselves; None for none.
+
+    In a field of temperature that rises by 1 K/m along a unit vector e links dissipate
+    e M e / 2 and the surface e N e / 2 for a unit of conductivity times thickness,
+
+        M = sum G d d^T / 2,    N = sum A (I - n n^T),
+
+    over the nodes around a node: d the distances of linked nodes, n the normals. The
+    field of a bar is nearly linear along it. By Dirichlet's principle a linear field
+    dissipates no less than the true one: a bar conducts less than M says.
+    """
+    return found((grid,), "sheet_poor_conduction", lambda: _poor_conduction(grid))
+
+
+def _poor_conduction(grid: SheetGrid) -> PoorConduction | None:
+    cells = grid.cells
+    count = cells.node_count
+    links = cells.links
+    along = cells.position[links.dst] - cells.position[links.src]
+    square = along[:, :, None] * along[:, None, :]
+    half = 0.5 * links.weight[:, None, None] * square
+    by_links = _summed(links.src, half, count) + _summed(links.dst, half, count)
+    normal = unit_vectors(triangle_normals(cells.vertices[cells.faces]))
+    across = np.eye(3) - normal[:, :, None] * normal[:, None, :]
+    third = cells.face_area / 3
+    by_surface = np.zeros((count, 3, 3))
+    total_normal = np.zeros((count, 3))
+    for node in cells.vertex_node[cells.faces].T:
+        by_surface += _summed(node, third[:, None, None] * across, count)
+        total_normal += _summed(node, third[:, None] * normal, count)
+    area = cells.area.sum(axis=1)
+    sums = [by_links, by_surface, total_normal, area]
+    for _ in range(2):
+        sums = [
+            values
+            + _summed(links.src, values[links.dst], count)
+            + _summed(links.dst, values[links.src], count)
+            for values in sums
+        ]
+    by_links, by_surface, total_normal, total_area = sums
+    is_closed = np.linalg.norm(total_normal, axis=1) < CLOSED * total_area
+    # A small closed piece is a node or two, and no bar.
+    degree = np.bincount(np.append(links.src, links.dst), minlength=count)
+    narrow = np.flatnonzero(is_closed & (degree > 1))
+    strength, direction = np.linalg.eigh(by_links[narrow])
+    axis = direction[:, :, 2]
+    right = np.einsum("ni,nij,nj->n", axis, by_surface[narrow], axis)
+    ratio = strength[:, 2] / right
+    is_poor = ratio < _POOR
+    if not is_poor.any():
+        return None
+    return PoorConduction(
+        ratio=float(ratio.min()),
+        area_fraction=float(area[narrow[is_poor]].sum() / area.sum()),
+        position=cells.position[narrow[ratio.argmin()]],
+    )
+
+
+def _summed(
+    node: Int[np.ndarray, " k"], values: Float[np.ndarray, "k *m"], count: int
+) -> Float[np.ndarray, "n *m"]:
+    rest = values.shape[1:]
+    flat = values.reshape(len(values), math.prod(rest))
+    sums = [np.bincount(node, column, count) for column in flat.T]
+    # Counts of nothing are whole numbers.
+    return np.stack(sums, axis=1).reshape(count, *rest).astype(float)

@@ -5,7 +5,7 @@ from typing import TypedDict
 import numpy as np
 
 from ..arrays import is_traced
-from ..sheets.doubts import curvature, double_area
+from ..sheets.doubts import curvature, double_area, poor_conduction
 from ..sheets.through import resolved_time
 from .kinds.sheet import Sheet
 
@@ -101,7 +101,7 @@ def _cells_line(row: _ThroughPart) -> str:
 
 
 def sheet_warnings(sheet: Sheet) -> list[str]:
-    """Lines on seams that stay open, faces that overlap, and walls that would fold."""
+    """Lines on open seams, double faces, poor conduction, and walls that would fold."""
     lines = []
     cells = sheet.grid.cells
     if cells.open_seams > 0:
@@ -114,6 +114,13 @@ def sheet_warnings(sheet: Sheet) -> list[str]:
         lines.append(
             f"{double.area:.3g} m^2 of its faces lie on other faces, at "
             f"{_point(double.position)} m: both are walls; delete one of them"
+        )
+    poor = poor_conduction(sheet.grid)
+    if poor is not None:
+        lines.append(
+            f"{100 * poor.area_fraction:.2g} % of its surface are narrow bars or tubes "
+            f"that conduct too little along themselves, {poor.ratio:.2g} of what is "
+            f"right at {_point(poor.position)} m: give them a finer pitch"
         )
     if not is_traced(sheet.stacks):
         lines += _fold_warnings(sheet)

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+import jaxthermo as jt
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.sheets.cells import sheet_cells
+from jaxthermo.sheets.doubts import poor_conduction
+from jaxthermo.structures.sheet_report import sheet_warnings
 from tests.sheets import conduction, open_cylinder, rotation, steady, turned
 
 
@@ -72,3 +75,43 @@ def test_a_flat_bar_conducts_as_wide_as_it_is(width):
     for seed in range(4):
         conductance = conductance_along(mesh, length, rotation(seed))
         assert conductance == pytest.approx(2.3 * width, rel=0.02)
+
+
+def sheet_of(mesh, seed):
+    return jt.Sheet(turned(mesh, rotation(seed)), (jt.Layer("steel", 1e-3),), PITCH)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bar_that_conducts_too_little_is_told(seed):
+    """Flat and two cells wide: a tenth to a fourth too little."""
+    length = 12.0
+    mesh = open_bar(2.0, 0.3, length)
+    ratio = conductance_along(mesh, length, rotation(seed)) / 4.6
+    sheet = sheet_of(mesh, seed)
+    doubt = poor_conduction(sheet.grid)
+    assert ratio < 0.95
+    assert doubt is not None
+    assert doubt.ratio == pytest.approx(ratio, abs=0.1)
+    along = float((doubt.position @ rotation(seed))[2])
+    assert 0 < along < length
+    (line,) = sheet_warnings(sheet)
+    assert "% of its surface are narrow bars or tubes that conduct too little" in line
+    assert line.endswith("m: give them a finer pitch")
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        open_cylinder(0.5, 12.0, 48),
+        open_cylinder(1.0, 12.0, 48),
+        open_bar(1.0, 1.0, 12.0),
+        open_bar(0.7, 0.1, 12.0),
+        jt.shapes.box((1.4, 1.4, 3.0)),
+        jt.shapes.sphere(0.6),
+        jt.shapes.rectangle(8.0, 0.5),
+    ],
+    ids=["ring", "tube", "bar", "flat bar", "box", "ball", "strip"],
+)
+def test_nothing_is_said_of_what_conducts_as_it_should(mesh):
+    for seed in range(2):
+        assert poor_conduction(sheet_of(mesh, seed).grid) is None
