@@ -21,6 +21,7 @@ from tests.bodies import blocks
 
 
 SAVES = (2.0, 6.0)
+STABLE_STEPS = jt.ForwardEuler()
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
 WITHIN = Parameter(name="weights.within", start=(1.0,), lower=0.01, upper=100.0)
 BETWEEN = Parameter(name="weights.between", start=(1.0,), lower=0.01, upper=100.0)
@@ -171,7 +172,12 @@ def data(side, dtype, truth):
     return surface_target(stored, jnp.dtype(dtype))
 
 
-def twin(parameters=(WITHIN, BETWEEN), dtype="float64", truth=TRUTH, solver=None):
+def twin(
+    parameters=(WITHIN, BETWEEN),
+    dtype="float64",
+    truth=TRUTH,
+    solver=STABLE_STEPS,
+):
     """A problem whose data come of the same model at the truth."""
     parameter_set = ParameterSet(tuple(parameters))
     cases = []

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from jaxthermo.accuracy.error_records import TruthErrors
 from jaxthermo.accuracy.truth_error import truth_error
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.parametric_run import ParametricRun
+from jaxthermo.integrate.run.parametric_run import stable_solver
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS
 
@@ -122,9 +122,9 @@ class Truth:
             read_at_surface(scene),
             t1=config.time.end,
             save_at=config.time.save_times,
-            solver=ParametricRun(
-                config.time.save_times, config.solver.build()
-            ).stable_solver(scene),
+            solver=stable_solver(
+                config.solver.build(), scene=scene, end=config.time.last
+            ),
             throw=False,
         )
         if solution.result != RESULTS.successful:

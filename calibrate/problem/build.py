@@ -12,16 +12,8 @@ from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.quantities import NUMBER, to_si
 from jaxthermo.errors import InputError, located
-from jaxthermo.integrate.explicit import MIN_STAGES, stage_count
 from jaxthermo.integrate.run.parametric_run import ParametricRun
-from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
-from jaxthermo.integrate.solvers import (
-    TRBDF2,
-    AbstractSolver,
-    ErrorControl,
-    SuperTimeStepping,
-)
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.scene.scene import Scene
 
@@ -46,6 +38,7 @@ from ..config.schema import (
 )
 from .aligned_cameras import align_cameras, started_at
 from .alignment import Aligned
+from .case_run import case_run
 from .frame_data import FitsPoses, frame_target
 from .frame_source import CaseFrames, case_frames, start_surfaces
 from .parameters import (
@@ -67,12 +60,6 @@ from .reference import (
 )
 from .targets import AbstractTarget, FrameTarget, surface_target
 
-
-_ERROR_IN_TIME = 1e-4
-"""Error in time of runs with sheets over the range of the surface [-]."""
-
-_STIFFER = 2.0
-"""Stable step at the start of a fit over that up to which its steps stay."""
 
 _DEFAULT_SMOOTHNESS = 0.5
 """Standard deviation of log(weight) of a link from its neighbours' mean."""
@@ -152,7 +139,7 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
 
 
 class _Builder:
-    # Frames and references of a case are read once, whoever asks for them first.
+    # Frames, references and the run of a case are made once, at their first use.
     def __init__(self, config: CalibrationConfig, log: Log):
         cases = (*config.train, *config.held_out, *config.candidates)
         self.config = config
@@ -169,6 +156,7 @@ class _Builder:
             self.parameters.check(scene)
         self.references: dict[str, TruthReference] = {}
         self.read_frames: dict[str, CaseFrames] = {}
+        self.runs: dict[str, ParametricRun] = {}
 
     def build(self) -> Calibration:
         config = self.config
@@ -222,13 +210,10 @@ class _Builder:
         )
 
     def run(self, case: schema.CaseConfig) -> ParametricRun:
-        config = self.configs[case.name]
-        solver = config.solver.build()
-        if isinstance(solver, ErrorControl | None) and any(
-            body.wall is not None for body in config.bodies
-        ):
-            solver = _accurate_solver(config, self.scenes[case.name])
-        return ParametricRun(config.time.save_times, solver)
+        name = case.name
+        if name not in self.runs:
+            self.runs[name] = case_run(self.configs[name], self.scenes[name])
+        return self.runs[name]
 
     def frames(self, case: schema.CaseConfig) -> CaseFrames:
         if case.name not in self.read_frames:
@@ -354,22 +339,6 @@ def _parameter(config: ParameterConfig, scene: Scene) -> Parameter:
         first_is_fixed=is_capacity and len(start) > 1,
         smoothness=smoothness,
     )
-
-
-def _accurate_solver(config: SceneConfig, scene: Scene) -> AbstractSolver:
-    """Solver with as many steps as the error in time of a scene requires.
-
-    The stable step of a wall may be as long as the time in which it warms: explicit
-    steps of that length are stable, and not accurate.
-    """
-    control = ErrorControl(relative_error=_ERROR_IN_TIME)
-    saves = config.time.save_times
-    run = simulate(scene, config.time.last, saves, solver=control, throw=False).run
-    dt = config.time.last / run.steps
-    if run.solver == TRBDF2.__name__ or run.stable_step is None:
-        return TRBDF2(dt=dt)
-    stages = stage_count(dt, run.stable_step / _STIFFER)
-    return SuperTimeStepping(dt=dt, stages=max(stages, MIN_STAGES))
 
 
 def _path_and_start(

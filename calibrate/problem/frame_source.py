@@ -18,7 +18,7 @@ from jaxthermo.image.radiance.image import block_means
 from jaxthermo.image.surface.abstract_camera import AbstractCamera
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.image.surface.visible import world_meshes
-from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
+from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
@@ -26,6 +26,7 @@ from ..config import schema
 from ..config.frame_names import is_of_camera
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FramesConfig
+from .case_run import case_run
 from .frame_data import FrameLimits, Masks, check_frames, frame_limits
 from .frame_files import check_stated, read_measured
 from .frame_quantity import FrameQuantity
@@ -156,7 +157,7 @@ def _simulated(
     log(f"{case.name}: running the truth")
     scene = truth.build()
     with precision(truth.dtype):
-        run = ParametricRun(times, truth.solver.build())
+        run = case_run(truth, scene)
         solution = run(scene, run.step_table(scene))
         cameras = settings.views or (case_scene.camera,)
         built_cameras = [camera_on(camera, solution.surfaces) for camera in cameras]

@@ -224,7 +224,7 @@ class Problem:
             weighted = weights[n] * _emphasize_times(residual, self.time_norm)
             rows.append(weighted.reshape(-1))
             errors.append(jnp.sqrt(len(residual) * (residual * residual).sum(axis=1)))
-            solver = case.run.steps_solver
+            solver = case.run.solver
             longest = solver.longest_stable_step(solution.stable_step)
             steps.append(longest)
             # A run of longer steps may end in finite temperatures that are wrong.

@@ -19,7 +19,7 @@ import numpy as np
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.integrate.run.parametric_run import ParametricRun
+from jaxthermo.integrate.run.parametric_run import stable_solver
 from jaxthermo.integrate.run.plan import (
     Plan,
     StepTable,
@@ -230,11 +230,11 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> Speedup
     """Time the compiled loops of a case, with its surface read at the saved times."""
     full = on_every_voxel(config).build()
     span = config.time
-    run = ParametricRun(span.save_times, config.solver.build())
+    solver = config.solver.build()
     runs = {
         "full_volume": (full, ForwardEuler()),
-        "default": (default, run.stable_solver(default)),
-        "fitted": (fitted, run.stable_solver(fitted)),
+        "default": (default, stable_solver(solver, default, span.last)),
+        "fitted": (fitted, stable_solver(solver, fitted, span.last)),
     }
     with precision(config.dtype):
         plans = {

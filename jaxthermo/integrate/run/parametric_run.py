@@ -67,37 +67,29 @@ class ParametricRun:
 
     save_times: tuple[float, ...]
     """Increasing save times after 0; the last one is the end of the run [s]."""
-    solver: AbstractSolver | None = None
-    """None for explicit Euler steps as long as is stable."""
+    solver: AbstractSolver = ForwardEuler()
+    """Not by error control: a run with traced values cannot be repeated."""
     reverse: ReverseMode | None = None
     """None for forward mode."""
 
     def __post_init__(self):
         if not self.save_times or self.save_times[0] <= 0:
             raise InputError("a fit compares what is saved after 0 s: leave out 0")
-        adaptive = not self.uses_stable_step and self.steps_solver.dt is None
+        if isinstance(self.solver, ErrorControl):
+            raise InputError("a run with traced values needs a solver with its step")
+        adaptive = not self.uses_stable_step and self.solver.dt is None
         if self.reverse is not None and adaptive:
             raise InputError("a gradient in reverse mode needs a solver with its step")
 
     @property
     def uses_stable_step(self) -> bool:
         """True if the steps are as long as is stable."""
-        # A run with traced values cannot be repeated until its error holds.
-        return isinstance(self.solver, ErrorControl | None) or (
-            isinstance(self.solver, ForwardEuler) and self.solver.dt is None
-        )
-
-    @property
-    def steps_solver(self) -> AbstractSolver:
-        """Solver that takes the steps."""
-        if self.solver is None or self.uses_stable_step:
-            return ForwardEuler()
-        return self.solver
+        return isinstance(self.solver, ForwardEuler) and self.solver.dt is None
 
     @property
     def is_always_stable(self) -> bool:
         """True if steps of any length are stable."""
-        return math.isinf(self.steps_solver.longest_stable_step(1.0))
+        return math.isinf(self.solver.longest_stable_step(1.0))
 
     def step_table(self, scene: Scene) -> StepTable:
         """Schedule the steps for a scene whose numbers are known."""
@@ -130,7 +122,7 @@ class ParametricRun:
                 scene,
                 t1=self.save_times[-1],
                 save_at=self.save_times,
-                solver=self.steps_solver,
+                solver=self.solver,
             )
             if len(plan.compiled.programs) > 1:
                 raise InputError("a fit needs bodies that stay where they are")
@@ -151,7 +143,7 @@ class ParametricRun:
         dt = np.divide(length, steps, out=np.zeros_like(length), where=steps > 0)
         used = (steps > 0).sum(axis=1)
         last = (np.arange(len(used)), np.maximum(used - 1, 0))
-        before_end = (1 - self.steps_solver.load_fraction) * dt[last]
+        before_end = (1 - self.solver.load_fraction) * dt[last]
         dtype = fewest.dt.dtype
         return StepTable(
             start=fewest.start,
@@ -165,21 +157,7 @@ class ParametricRun:
 
         Infinite for a scheme that is stable for any step.
         """
-        with precision(scene.dtype):
-            if self.is_always_stable:
-                return jnp.asarray(math.inf, scene.dtype)
-            stable_step = compile_scene(scene, 1, self.save_times[-1]).stable_step
-            return jnp.asarray(self.steps_solver.longest_stable_step(stable_step))
-
-    def stable_solver(self, scene: Scene) -> AbstractSolver | None:
-        """Return `solver` with a step that is stable for a scene of known numbers."""
-        solver = self.solver
-        if solver is None or solver.dt is None:
-            return solver
-        longest = float(self.longest_step(scene))
-        if solver.dt <= longest:
-            return solver
-        return eqx.tree_at(lambda tree: tree.dt, solver, longest)
+        return _longest_step(self.solver, scene, self.save_times[-1])
 
     def __call__(self, scene: Scene, table: StepTable) -> ParametricSolution:
         """Run a scene that may hold traced values."""
@@ -226,3 +204,26 @@ class ParametricRun:
             stepper=EulerStepper(),
             checkpoints=checkpoint_count(memory, compiled),
         )
+
+
+def _longest_step(solver: AbstractSolver, scene: Scene, end: float) -> Float[Array, ""]:
+    with precision(scene.dtype):
+        if math.isinf(solver.longest_stable_step(1.0)):
+            return jnp.asarray(math.inf, scene.dtype)
+        stable_step = compile_scene(scene, 1, end).stable_step
+        return jnp.asarray(solver.longest_stable_step(stable_step))
+
+
+def stable_solver(
+    solver: AbstractSolver | None, scene: Scene, end: float
+) -> AbstractSolver | None:
+    """Return a solver with a step that is stable up to `end` [s], None for none.
+
+    The numbers of the scene must be known.
+    """
+    if solver is None or solver.dt is None:
+        return solver
+    longest = float(_longest_step(solver, scene, end))
+    if solver.dt <= longest:
+        return solver
+    return eqx.tree_at(lambda tree: tree.dt, solver, longest)

@@ -54,6 +54,26 @@ def test_agrees_with_links():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("cells", [4, 24])
+def test_implicit_steps_and_steady_states_agree_with_links(cells):
+    """Conjugate gradients take few iterations, however thin the cells are."""
+    ends = {"steps": [], "steady": []}
+    for kind in (jt.Sheet, LinkedSheet):
+        scene = ground(kind, cells)
+        solution = jt.simulate(scene, 12 * HOUR, solver=jt.TRBDF2(dt=HOUR))
+        ends["steps"].append(np.asarray(solution.surface_temperature)[-1])
+        assert abs(solution.energy.residual_relative).max() < 1e-9
+        statistics = solution.run.statistics
+        assert statistics is not None
+        assert statistics.linear_iterations < 12 * statistics.newton_iterations
+        steady = jt.steady(scene, at=12 * HOUR)
+        ends["steady"].append(np.atleast_2d(steady.surface_temperature)[-1])
+    for name, (columns, links) in ends.items():
+        assert np.ptp(columns) > 3, name
+        assert_allclose(columns, links, atol=1e-6)
+
+
+@pytest.mark.slow
 def test_energy_closes_in_single_precision():
     solution = jt.simulate(ground(dtype="float32"), 24 * HOUR)
     assert abs(solution.energy.residual_relative).max() < 1e-5
