@@ -7,6 +7,8 @@ the days that are tested.
 |---|---|---|
 | wind on flat faces | h = 2.8 + 3.0 v | Watmuff, Charters and Proctor 1977 |
 | other winds, reported | 4 + 4 v; 5.7 + 3.8 v | EN ISO 6946, annex C; McAdams 1954 |
+| flat plate, reported | horizontal wind onto the front, the upper face | `jt.Wind` |
+| the same in still air | added to the wind | `jt.FreeConvection` |
 | module: sky | 0.0552 T_air^1.5 | Swinbank 1963 |
 | other sky, reported | by the dew point | Berdahl and Martin 1984 |
 | module: absorptance | 0.9 | default of PVsyst (pvlib) |
@@ -16,6 +18,10 @@ the days that are tested.
 | module: tilt | 35 degrees | near the latitude, since none is stated |
 | ground | as warm as the air | |
 | wall: absorptance, emissivity | 0.23, 0.9 | IEA EBC Annex 58 |
+| wall: half of its view | the sky; the other half a ground as warm as the air | |
+| soil | clay with 20 % of water by volume | the table of materials |
+| other soil, reported | dry | the table of materials |
+| nominal temperature of a module, for peers | 45 degC | usual of open racks (pvlib) |
 
 Fitted are: of the module the absorptance, c of h = 2.8 + c v and the emissivity of both
 faces, which is a factor of the exchange with the sky; of the wall the absorptance and
