@@ -45,8 +45,10 @@ class Check:
 
     @property
     def passes(self) -> bool | None:
-        """True if the number is right; None for a value without a tolerance."""
+        """True if the number is right; None without a tolerance or a limit."""
         if self.expected is None:
+            if self.lowest == -math.inf and self.highest == math.inf:
+                return None
             return bool(self.lowest <= self.computed <= self.highest)
         if self.tolerance is None:
             return None
@@ -202,7 +204,7 @@ class Outcome:
 def _severity(check: Check) -> float:
     # Error over tolerance, so that checks of any unit compare: above 1 one fails.
     if check.expected is None:
-        if not check.passes:
+        if check.passes is False:
             return math.inf
         one_sided = check.lowest == -math.inf and 0 < check.highest < math.inf
         return max(0.0, check.computed / check.highest) if one_sided else 0.0

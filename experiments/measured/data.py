@@ -25,9 +25,10 @@ def folder() -> Path | None:
 
 
 def read_module(name: str) -> Columns:
-    """Columns of a module's file, with `day` and `time`, both from its first day on.
+    """Columns of a module's file, with `day`, `hour` of the day, and `time` [s].
 
-    Days that are apart follow each other, as in one run; `time` is in seconds.
+    Days that are apart follow each other, as in one run; `time` counts from the first
+    row.
     """
     rows = _rows(name)
     dates = [datetime.fromisoformat(row["time"]) for row in rows]
@@ -37,7 +38,8 @@ def read_module(name: str) -> Columns:
     order = np.argsort(day, kind="stable")
     columns = {name: values[order] for name, values in _columns(rows).items()}
     time = (86400.0 * day + clock)[order]
-    return {**columns, "day": day[order], "time": time - time[0]}
+    hour = clock[order] / 3600
+    return {**columns, "day": day[order], "hour": hour, "time": time - time[0]}
 
 
 def read_table(name: str) -> Columns:

@@ -57,6 +57,7 @@ ABSORPTANCE = 0.9
 ELECTRIC_SHARE = 0.1
 MODULE_AREA = 1.45  # [m^2]
 TILT = 35.0  # [deg]
+NOMINAL = 45.0  # [degC]
 
 MODULE = (
     jt.Layer("car_glass", 3.2e-3),
@@ -76,8 +77,10 @@ INNER_WALL = (
 )
 """Layers of the wall from outside, on both sides of the heat flux sensor."""
 
+SOILS = ("moist_soil", "dry_soil")
+
 RUNNING_IN = 4 * 86400.0  # [s]
-"""Time at the start of the wall's run that is not compared."""
+"""Time at the start of the runs of wall and soil that is not compared."""
 
 DAYTIME = 10.0  # [W/m^2]
 """Irradiance above which a row of the module's data counts as day."""

@@ -1,6 +1,7 @@
 """A photovoltaic module in measured irradiance, wind and air."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from calibrate.problem.problem import Case, Problem
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.physics.convection.linear_wind import linear_in
 from jaxthermo.physics.heat_source import VolumeBinding
+from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.weather.sky import clear_sky_temperature, swinbank_sky_temperature
 
 from .data import Columns, kelvin
@@ -28,7 +30,8 @@ from .laws import (
 from .thermocouple import thermocouple
 
 
-STEP = 60.0  # [s]
+# More stages than all laws need, so that they share a program.
+_SOLVER = jt.SuperTimeStepping(dt=60.0, stages=5)
 
 
 class CellHeat(jt.AbstractVolumeTerm):
@@ -54,19 +57,38 @@ def power(columns: Columns) -> Float[np.ndarray, " t"]:
     return ELECTRIC_SHARE * columns["irradiance_plane_W_m2"]
 
 
-def scene(columns: Columns, law: WindLaw = WATMUFF, sky: str = "swinbank") -> jt.Scene:
-    """The module on the days of a file, at the start as warm as the air."""
-    time = columns["time"]
+def linear_wind(columns: Columns, law: WindLaw = WATMUFF) -> tuple[AbstractTerm, ...]:
+    """Wind by a law that is linear in its speed."""
+    speed = _table(columns, np.maximum(columns["wind_speed_m_s"], 0.0))
+    air = _table(columns, kelvin(columns["air_temperature_C"]))
+    return (jt.LinearWind(speed, air, calm=law.calm, by_speed=law.by_speed),)
+
+
+def flat_plate(columns: Columns, is_buoyant: bool) -> tuple[AbstractTerm, ...]:
+    """Wind onto the front by the laws of plates, with or without free convection."""
+    speed = _table(columns, np.maximum(columns["wind_speed_m_s"], 0.0))
+    air = _table(columns, kelvin(columns["air_temperature_C"]))
+    # The front faces up and to -y.
+    wind = jt.Wind((0.0, 1.0, 0.0), air, speed=speed, body_shape="plate")
+    still = jt.FreeConvection(air, body_shape="plate")
+    return (wind, still) if is_buoyant else (wind,)
+
+
+def sky_kelvin(columns: Columns, law: str) -> Float[np.ndarray, " t"]:
+    """Temperature of the sky by `swinbank` or `berdahl_martin` [K]."""
     air = kelvin(columns["air_temperature_C"])
-    sky_kelvin = swinbank_sky_temperature(air)
-    if sky == "berdahl_martin":
-        lowest = [air[columns["day"] == day].min() for day in columns["day"]]
-        sky_kelvin = clear_sky_temperature(air, np.array(lowest), time / 3600)
+    if law == "swinbank":
+        return swinbank_sky_temperature(air)
+    dew_point = np.array([air[columns["day"] == day].min() for day in columns["day"]])
+    return clear_sky_temperature(air, dew_point, columns["hour"])
+
+
+def scene(
+    columns: Columns, wind: Sequence[AbstractTerm], sky: str = "swinbank"
+) -> jt.Scene:
+    """The module on the days of a file, at the start as warm as the air."""
+    air = kelvin(columns["air_temperature_C"])
     thickness = float(sum(layer.thickness for layer in MODULE))
-
-    def table(values: Float[np.ndarray, " t"]) -> jt.Table:
-        return jt.Table(time, values)
-
     sheet = jt.Sheet(jt.shapes.rectangle(1.0, 1.45), MODULE, pitch=2.0, cells=1)
     emissivities = {"front": 0.84, "back": 0.85}
     body = jt.Body(
@@ -79,35 +101,49 @@ def scene(columns: Columns, law: WindLaw = WATMUFF, sky: str = "swinbank") -> jt
         ),
     )
     light = np.maximum(columns["irradiance_plane_W_m2"], 0.0) / thickness
-    wind = jt.LinearWind(
-        table(columns["wind_speed_m_s"]),
-        table(air),
-        calm=law.calm,
-        by_speed=law.by_speed,
-    )
     terms = (
-        CellHeat(ABSORPTANCE, table(light)),
-        jt.HeatSource(table(-power(columns) / thickness)),
-        wind,
-        jt.Surroundings(table(sky_kelvin), ground=table(air)),
+        CellHeat(ABSORPTANCE, _table(columns, light)),
+        jt.HeatSource(_table(columns, -power(columns) / thickness)),
+        *wind,
+        jt.Surroundings(
+            _table(columns, sky_kelvin(columns, sky)), ground=_table(columns, air)
+        ),
     )
     return jt.Scene((body,), terms, dtype="float64")
 
 
-def problem(columns: Columns, law: WindLaw = WATMUFF, sky: str = "swinbank") -> Problem:
+def errors(columns: Columns, module: jt.Scene) -> Float[np.ndarray, " n"]:
+    """Computed less measured temperature of the back, from the second row on [K]."""
+    times = columns["time"][1:]
+    solution = jt.simulate(
+        module,
+        float(times[-1]),
+        save_at=times.tolist(),
+        solver=_SOLVER,
+    )
+    computed = np.asarray(solution.surface_temperature)[:, _back(module)]
+    return computed - kelvin(columns["module_temperature_C"])[1:]
+
+
+def problem(columns: Columns) -> Problem:
     """The numbers that are fitted, and the back as data after the first row."""
-    module = scene(columns, law, sky)
+    module = scene(columns, linear_wind(columns))
     saves = tuple(columns["time"][1:].tolist())
-    face = module.bodies[0].structure.grid.fragment_face
-    assert face is not None
     target = thermocouple(
         saves,
         kelvin(columns["module_temperature_C"])[1:],
-        fragment=int(np.flatnonzero(face == 1)[0]),
-        fragments=len(face),
+        fragment=_back(module),
+        fragments=len(module.bodies[0].structure.grid.fragment_area),
     )
-    run = ParametricRun(saves, jt.SuperTimeStepping(dt=STEP, stages=3))
+    run = ParametricRun(saves, _SOLVER)
     return Problem(_parameters(), (Case("module", module, run, target),))
+
+
+def _back(module: jt.Scene) -> int:
+    """Number of a fragment of the back."""
+    face = module.bodies[0].structure.grid.fragment_face
+    assert face is not None
+    return int(np.flatnonzero(face == 1)[0])
 
 
 def _parameters() -> ParameterSet:
@@ -122,3 +158,7 @@ def _parameters() -> ParameterSet:
     by_speed = Parameter("linear_wind.by_speed", (WATMUFF.by_speed,), 0.0, 20.0)
     absorptance = Parameter("cell_heat.absorptance", (ABSORPTANCE,), 0.5, 1.0)
     return ParameterSet((absorptance, by_speed, emissivity))
+
+
+def _table(columns: Columns, values: Float[np.ndarray, " t"]) -> jt.Table:
+    return jt.Table(columns["time"], values)

@@ -136,6 +136,15 @@ def errors(columns: Columns) -> dict[tuple[str, str, float], _Series]:
     }
 
 
+def on_the_wall(columns: Columns, horizontal: _Series) -> _Series:
+    """Computed less measured long wave on the wall [W/m^2], from the horizontal one.
+
+    The wall sees as much of the sky as of a black ground, which is as warm as the air.
+    """
+    ground = STEFAN_BOLTZMANN * kelvin(columns["air_degC"]) ** 4
+    return (horizontal + ground) / 2 - columns["longwave_west_W_m2"]
+
+
 def is_chosen_by(columns: Columns) -> np.ndarray:
     """True in the days by which the law is chosen, every second one."""
     return np.arange(len(columns["air_degC"])) // _DAY % 2 == 0

@@ -1,5 +1,7 @@
 """The west wall of a test house, in the long wave and the sunlight on its own plane."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float
 
@@ -14,14 +16,16 @@ from .laws import INNER_WALL, OUTER_WALL, WATMUFF, WindLaw
 from .thermocouple import thermocouple
 
 
-STEP = 600.0  # [s]
+_STEP = 600.0  # [s]
+# The same stages for all numbers, so that they share a program.
+_SOLVER = jt.SuperTimeStepping(dt=_STEP, stages=9)
 _GAP = 1e-3  # [m]
 _SHORTEST_TIME = 600.0  # [s]
 OUTSIDE = jt.Face("front", body=0)
 
 
 def scene(columns: Columns, law: WindLaw = WATMUFF) -> jt.Scene:
-    """The wall in two sheets, on both sides of its heat flux sensor."""
+    """The wall, 1 m x 1 m, in two sheets on both sides of its heat flux sensor."""
     time = columns["time_s"]
     outside = kelvin(columns["air_degC"])
     inside = kelvin(columns["inner_surface_degC"])
@@ -61,24 +65,56 @@ def scene(columns: Columns, law: WindLaw = WATMUFF) -> jt.Scene:
     return jt.Scene(bodies, terms, dtype="float64")
 
 
-def problem(
-    columns: Columns, name: str = "outer_surface_degC", law: WindLaw = WATMUFF
-) -> Problem:
-    """The numbers that are fitted, and the outer surface or the layer as data."""
+def errors(columns: Columns, wall: jt.Scene) -> Mapping[str, Float[np.ndarray, " n"]]:
+    """Computed less measured temperatures [K] and fluxes [W/m^2] by their columns.
+
+    From the second row on; NaN where nothing is measured. A flux is the mean since the
+    row before, and positive outward.
+    """
+    times = columns["time_s"][1:]
+    solution = jt.simulate(
+        wall,
+        float(times[-1]),
+        save_at=times.tolist(),
+        solver=_SOLVER,
+    )
+    surface = np.asarray(solution.surface_temperature)
+    (inward,) = solution.energy.contacts.values()
+    from_inside = solution.energy.mechanisms["fixed_temperature"]
+    computed = {
+        "outer_surface_degC": surface[:, _fragment(wall, 0)],
+        "layer_degC": surface[:, _fragment(wall, 1)],
+        "layer_heat_flux_W_m2": -np.diff(inward, prepend=0.0) / _STEP,
+        "inner_heat_flux_W_m2": np.diff(from_inside, prepend=0.0) / _STEP,
+    }
+    return {
+        name: values
+        - (kelvin(columns[name]) if name.endswith("degC") else columns[name])[1:]
+        for name, values in computed.items()
+    }
+
+
+def problem(columns: Columns, law: WindLaw = WATMUFF) -> Problem:
+    """The numbers that are fitted, and the outer surface as data."""
     wall = scene(columns, law)
     saves = tuple(columns["time_s"][1:].tolist())
-    face = 0 if name == "outer_surface_degC" else 1
-    of_face = np.flatnonzero(wall.bodies[0].structure.grid.fragment_face == face)
     target = thermocouple(
         saves,
-        kelvin(columns[name])[1:],
-        fragment=int(of_face[0]),
+        kelvin(columns["outer_surface_degC"])[1:],
+        fragment=_fragment(wall, 0),
         fragments=sum(len(body.structure.grid.fragment_area) for body in wall.bodies),
     )
-    run = ParametricRun(saves, jt.SuperTimeStepping(dt=STEP, stages=9))
+    run = ParametricRun(saves, _SOLVER)
     parameters = (
         Parameter("bodies.0.structure.stacks.0.0.material.absorptivity", (0.23,), 0, 1),
         Parameter("linear_wind.calm", (law.calm,), 0.0, 30.0),
         Parameter("linear_wind.by_speed", (law.by_speed,), 0.0, 20.0),
     )
     return Problem(ParameterSet(parameters), (Case("wall", wall, run, target),))
+
+
+def _fragment(wall: jt.Scene, face: int) -> int:
+    """Number of a fragment of the front (0) or the back (1) of the outer sheet."""
+    of_face = wall.bodies[0].structure.grid.fragment_face
+    assert of_face is not None
+    return int(np.flatnonzero(of_face == face)[0])
