@@ -389,10 +389,11 @@ class _AbstractCombination(AbstractSelection):
     def on_body(self, body: int) -> AbstractSelection | None:
         if body not in self.bodies:
             return None
-        operands = [operand.on_body(body) for operand in self.operands]
-        return _combined(
-            self.rule, tuple(operand for operand in operands if operand is not None)
-        )
+        parts = [operand.on_body(body) for operand in self.operands]
+        operands = tuple(part for part in parts if part is not None)
+        if len(operands) == 1 and self.rule != "~":
+            return operands[0]
+        return _combined(self.rule, operands)
 
     @override
     def divides(

@@ -11,7 +11,7 @@ from ..archive import check_regular
 from ..errors import InputError
 from ..text_encoding import decoded_text
 from .epw import is_epw, read_epw
-from .quantities import QUANTITIES
+from .quantities import QUANTITIES, planes_of
 from .rows import Row, check_increasing, fields_of
 from .weather import Column, Remark, Weather, with_directions
 
@@ -77,7 +77,7 @@ def _read_csv(
     )
     check_increasing(path, [row.number for row in rows], times)
     columns = {}
-    for quantity in QUANTITIES:
+    for quantity in (*QUANTITIES, *planes_of(names)):
         if quantity.csv in names:
             position = names.index(quantity.csv)
             columns[quantity.name] = Column(

@@ -6,10 +6,12 @@ them: a scene has no ground that would cast a shadow.
 """
 
 import math
+import operator
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import reduce
 from pathlib import Path
 from typing import Any, Literal, final, get_args
 
@@ -26,9 +28,12 @@ from ..physics.radiation.source import Sun
 from ..physics.radiation.source_motion import DirectionTable
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import Table
+from ..voxels.elsewhere import Elsewhere
+from ..voxels.selection import AbstractSelection
 from .clear_sky import ClearSky
 from .doubts import Span, air_doubts, daylight_doubts, place_doubts, sky_doubts
 from .files import read_weather
+from .quantities import longwave as longwave_column
 from .sky import (
     GroundModel,
     SkyModel,
@@ -74,6 +79,7 @@ def outdoors(
     occlusion: int | None = None,
     every: float = 1800.0,
     north: tuple[float, float] | None = None,
+    longwave: Mapping[str, AbstractSelection] | None = None,
 ) -> tuple[AbstractTerm, ...]:
     """Terms of a scene at a place, from a start with a zone and for a duration [s].
 
@@ -99,12 +105,17 @@ def outdoors(
         every: interval at which the sun's shadows are recomputed [s].
         north: direction of north in x and y of the scene, for the place of a file; a
             `Place` has its own.
+        longwave: surfaces whose long wave was measured on their own plane, by the
+            name in its column, such as `west` for `longwave_west_W_m2`. It takes the
+            place of sky and ground there, and contains what obstacles emit.
 
     Raises:
         InputError: without the extra `[weather]`, for a start without a zone, for
             weather that has holes or does not cover the time, or values out of range.
     """
     _check(terms, duration=duration, albedo=albedo, interval=every)
+    if longwave and "sky" not in terms:
+        raise InputError("outdoors(longwave=): needs the term 'sky', which it replaces")
     first = instant(start)
     last = first + float(duration)
     if isinstance(weather, ClearSky):
@@ -126,6 +137,7 @@ def outdoors(
         ground=ground,
         albedo=albedo,
         occlusion=occlusion,
+        longwave={} if longwave is None else longwave,
     )
     builders: dict[str, Callable[[], AbstractTerm | None]] = {
         "sun": lambda: scene.sun(float(every)),
@@ -134,7 +146,7 @@ def outdoors(
         "wind": scene.wind,
         "convection": scene.convection,
     }
-    built = [builders[name]() for name in terms]
+    built = [*(builders[name]() for name in terms), *scene.measured_planes()]
     for doubt in scene.doubts(terms, is_sky_chosen=sky is not None):
         warnings.warn(doubt, stacklevel=2)
     return tuple(term for term in built if term is not None)
@@ -200,6 +212,8 @@ class _Outdoors:
     ground: GroundModel | float
     albedo: float
     occlusion: int | None
+    longwave: Mapping[str, AbstractSelection]
+    """Surfaces by the name of the plane on which their long wave was measured."""
 
     def doubts(self, terms: Sequence[str], is_sky_chosen: bool) -> list[str]:
         """Warnings about the weather, as far as the terms depend on it."""
@@ -285,8 +299,26 @@ class _Outdoors:
         ground = self._ground(times, air=air, sky=sky)
         if isinstance(ground, np.ndarray):
             ground = self._table(times, ground)
+        measured = tuple(self.longwave.values())
         return Surroundings(
-            self._table(times, sky), ground=ground, occlusion=self.occlusion
+            self._table(times, sky),
+            ground=ground,
+            occlusion=self.occlusion,
+            on=Elsewhere(reduce(operator.or_, measured)) if measured else None,
+        )
+
+    def measured_planes(self) -> tuple[Surroundings, ...]:
+        """Surroundings of the surfaces whose long wave was measured."""
+        names = {plane: longwave_column(plane) for plane in self.longwave}
+        times = {plane: self._times([name]) for plane, name in names.items()}
+        return tuple(
+            Surroundings(
+                self._table(
+                    times[plane], sky_temperature(self._at(name, times[plane]))
+                ),
+                on=self.longwave[plane],
+            )
+            for plane, name in names.items()
         )
 
     def _ground(self, times: np.ndarray, air: np.ndarray, sky: np.ndarray) -> Any:

@@ -1,5 +1,6 @@
 """Quantities of weather files: their columns, valid ranges and units."""
 
+import re
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
@@ -58,6 +59,18 @@ def _number(text: str) -> float:
         return float("nan")
 
 
+_INFRARED = Quantity(
+    # Files have 0 for no value.
+    name="infrared",
+    csv="infrared_W_m2",
+    epw="ghi_infrared",
+    position=12,
+    lowest=1.0,
+    highest=1000.0,
+    is_mean=True,
+    is_optional=True,
+)
+_LONGWAVE = re.compile(r"longwave_(.+)_W_m2")
 CLOUD_COVER = Quantity(
     name="cloud_cover",
     csv="cloud_cover_tenths",
@@ -109,17 +122,7 @@ QUANTITIES = (
         highest=1500.0,
         is_mean=True,
     ),
-    # Files have 0 for no value.
-    Quantity(
-        name="infrared",
-        csv="infrared_W_m2",
-        epw="ghi_infrared",
-        position=12,
-        lowest=1.0,
-        highest=1000.0,
-        is_mean=True,
-        is_optional=True,
-    ),
+    _INFRARED,
     Quantity(
         name="wind_speed",
         csv="wind_speed_m_s",
@@ -139,3 +142,18 @@ QUANTITIES = (
     ),
     CLOUD_COVER,
 )
+
+
+def longwave(plane: str) -> str:
+    """Column of `Weather` with the long wave that reaches surfaces of a plane."""
+    return f"longwave {plane}"
+
+
+def planes_of(names: Iterable[str]) -> tuple[Quantity, ...]:
+    """Quantities of columns such as `longwave_west_W_m2`, for planes of any name."""
+    matches = [_LONGWAVE.fullmatch(name) for name in names]
+    return tuple(
+        _INFRARED._replace(name=longwave(match[1]), csv=match[0])
+        for match in matches
+        if match is not None
+    )

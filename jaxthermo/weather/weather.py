@@ -43,8 +43,9 @@ class Weather:
 
     Columns are `air` and `dew_point` [K], `direct_normal`, `diffuse` (horizontal) and
     `infrared` (from the sky, horizontal) [W/m^2], `wind_speed` [m/s],
-    `wind_direction`, from which it blows [rad from north towards east], and
-    `cloud_cover`, the fraction of the sky [-].
+    `wind_direction`, from which it blows [rad from north towards east],
+    `cloud_cover`, the fraction of the sky [-], and `longwave ...`, from sky and ground
+    on surfaces of a plane of that name [W/m^2].
     """
 
     source: str

@@ -1,12 +1,13 @@
 """Names of bodies in the terms of a scene, before it is validated: numbers of them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ...geometry.part_names import matching_parts, unmatched_name
 from ..types.model import Data, Location, Mistake, MistakesError
 
 
+_ByNames = Callable[[Data, Mapping[str, int]], Data]
 _COMBINED = ("all", "any")
 _ON_BODIES = ("side", "face", "region", "fragments")
 
@@ -17,24 +18,32 @@ def with_numbers(data: Data) -> Data:
     Raises:
         MistakesError: for names or patterns that no body has.
     """
-    if not isinstance(data.get("terms"), list):
-        return data
     names = {name: number for number, name in _names(data.get("bodies"))}
-    terms = []
     mistakes: list[Mistake] = []
-    for number, term in enumerate(data["terms"]):
-        numbered = term
-        if isinstance(term, dict):
-            try:
-                numbered = _numbered_term(term, names)
-            except MistakesError as error:
-                mistakes += [
-                    (("terms", number, *where), line) for where, line in error.mistakes
-                ]
-        terms.append(numbered)
+
+    def numbered(item: Any, where: Location, by_names: _ByNames) -> Any:
+        try:
+            return by_names(item, names) if isinstance(item, dict) else item
+        except MistakesError as error:
+            mistakes.extend(((*where, *inner), line) for inner, line in error.mistakes)
+            return item
+
+    result = dict(data)
+    if isinstance(data.get("terms"), list):
+        result["terms"] = [
+            numbered(term, ("terms", number), _numbered_term)
+            for number, term in enumerate(data["terms"])
+        ]
+    outdoors = data.get("outdoors")
+    if isinstance(outdoors, dict) and isinstance(outdoors.get("longwave"), dict):
+        planes = {
+            plane: numbered(surface, ("outdoors", "longwave", plane), _numbered_plane)
+            for plane, surface in outdoors["longwave"].items()
+        }
+        result["outdoors"] = {**outdoors, "longwave": planes}
     if mistakes:
         raise MistakesError(mistakes)
-    return {**data, "terms": terms}
+    return result
 
 
 def equal_names(data: Mapping[str, object]) -> list[Mistake]:
@@ -74,6 +83,10 @@ def _numbered_term(term: Data, names: Mapping[str, int]) -> Data:
             for i, body in enumerate(term["bodies"])
         ]
     return numbered
+
+
+def _numbered_plane(surface: Data, names: Mapping[str, int]) -> Data:
+    return _numbered(surface, (), names)
 
 
 def _numbered(selection: Any, where: Location, names: Mapping[str, int]) -> Any:

@@ -10,6 +10,7 @@ from ..messages import quoted
 from ..types import quantities as si
 from ..types.files import FoundPath
 from ..types.model import Mistake, Model
+from .selection import WhereConfig
 from .terms import Directions
 
 
@@ -97,6 +98,9 @@ class OutdoorsConfig(Model, builds="outdoors"):
     occlusion: Directions | None = None
     every: Annotated[si.Time, Field(ge=1)] = 1800.0
     """Interval at which the sun's shadows are recomputed [s]."""
+    longwave: dict[str, WhereConfig] = {}
+    """Surfaces whose long wave is in a column of the file, such as `west` for
+    `longwave_west_W_m2`, in the place of sky and ground."""
 
     exactly_one: ClassVar = (("weather", "clear_sky"),)
 
@@ -114,6 +118,9 @@ class OutdoorsConfig(Model, builds="outdoors"):
         if self.clear_sky is not None and self.sky in ("infrared", "cloud_cover"):
             message = f"a clear_sky has no {self.sky}: give berdahl_martin"
             mistakes.append((("sky",), message))
+        if self.longwave and (self.clear_sky is not None or "sky" not in self.terms):
+            message = "replaces the term `sky` by columns of a weather file: give both"
+            mistakes.append((("longwave",), message))
         if self.clear_sky is not None and self.place is None:
             mistakes.append((("place",), "is missing: a clear_sky has none"))
         return mistakes
@@ -133,6 +140,9 @@ class OutdoorsConfig(Model, builds="outdoors"):
             )
         clear_sky = arguments.pop("clear_sky", None)
         weather_file = arguments.pop("weather", None)
+        arguments["longwave"] = {
+            plane: surface.build() for plane, surface in self.longwave.items()
+        }
         arguments["start"] = datetime.fromisoformat(self.start)
         arguments["weather"] = clear_sky or weather_file
         return self.target()(duration=duration, **arguments)

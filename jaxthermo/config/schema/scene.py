@@ -297,15 +297,15 @@ def _surface_of_terms(data: Mapping[str, Any], number: int) -> Mapping[str, Any]
 
 
 def _missing_bodies(data: Mapping[str, object]) -> list[Mistake]:
-    bodies = data.get("bodies")
-    count = len(bodies) if isinstance(bodies, list) else 0
-    mistakes: list[Mistake] = []
+    count = len(list(_items(data.get("bodies"))))
+    named = [*_bodies_within(("outdoors",), data.get("outdoors"))]
     for i, term in enumerate(_terms(data)):
-        for location, body in _named_bodies(term):
-            if type(body) is int and body >= count > 0:
-                message = f"there is no body {body}; the last one is {count - 1}"
-                mistakes.append((("terms", i, *location), message))
-    return mistakes
+        named += [(("terms", i, *where), body) for where, body in _named_bodies(term)]
+    return [
+        (location, f"there is no body {body}; the last one is {count - 1}")
+        for location, body in named
+        if type(body) is int and body >= count > 0
+    ]
 
 
 # The locations and numbers of bodies in a term that is not validated yet.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
+from jaxthermo.voxels.elsewhere import Elsewhere
 from jaxthermo.voxels.selection import (
     AbstractSpace,
     Everything,
@@ -118,3 +119,12 @@ def test_a_face_is_a_side_of_a_sheet():
         front.select(FRAGMENTS)
     with pytest.raises(InputError, match=r'Face\(\'top\'\): give "front" or "back"'):
         Face("top")
+
+
+def test_elsewhere_is_all_of_the_other_bodies_too():
+    other = Elsewhere(TOP | Everything(2))
+    assert flags(other.on_body(0)) == flags(~TOP)
+    assert flags(other.on_body(1)) == [True] * 6
+    # Nothing is left of a whole body.
+    assert other.on_body(2) is None
+    assert flags(Elsewhere(TOP)) == flags(~TOP)

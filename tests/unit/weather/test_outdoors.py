@@ -263,3 +263,49 @@ def test_mistakes(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"pip install 'jaxthermo\[weather\]'"):
         made(CLEAR)
+
+
+def with_longwave(tmp_path):
+    path = tmp_path / "a.csv"
+    head = CSV_HEAD.replace("\n", ",longwave_west_W_m2\n")
+    rows = [
+        csv_row(f"2026-06-21T{h:02d}:00+02:00").replace("\n", f",{300 + h}\n")
+        for h in range(24)
+    ]
+    path.write_text(head + "".join(rows))
+    return path
+
+
+def test_measured_long_wave_takes_the_place_of_sky_and_ground(tmp_path):
+    """The front of a plate radiates to what was measured, its back to the ground."""
+    path = with_longwave(tmp_path)
+    terms: Any = jt.outdoors(
+        MUNICH,
+        START,
+        23 * 3600.0,
+        path,
+        terms=("sky",),
+        sky="berdahl_martin",
+        longwave={"west": jt.Face("front")},
+    )
+    sky, west = terms
+    assert_allclose(STEFAN_BOLTZMANN * at(west.temperature, 7.5) ** 4, 307.5, rtol=1e-4)
+    layer = jt.Layer(jt.materials["stainless_steel"], 1e-3)
+    plate = jt.Sheet(jt.shapes.rectangle(0.1, 0.1), (layer,), pitch=0.1)
+    body = jt.Body(plate, temperature=290.0)
+    solution = jt.simulate(jt.Scene((body,), terms, dtype="float64"), 1e-3)
+    thermal = np.asarray(solution.irradiance(0).thermal)
+    is_front = plate.grid.fragment_face == 0
+    assert_allclose(thermal[is_front], 300.0, rtol=1e-5)
+    # The back of a lying plate looks down, at a ground as warm as the air.
+    below = STEFAN_BOLTZMANN * at(sky.ground, 0) ** 4
+    assert_allclose(thermal[~is_front], below, rtol=1e-5)
+
+
+def test_measured_long_wave_needs_its_column_and_the_sky(tmp_path):
+    path = with_longwave(tmp_path)
+    surface = {"east": jt.Face("front")}
+    with pytest.raises(InputError, match="needs the term 'sky'"):
+        jt.outdoors(MUNICH, START, DAY, path, terms=("wind",), longwave=surface)
+    with pytest.raises(InputError, match="there is no longwave east; .* longwave west"):
+        jt.outdoors(MUNICH, START, 3600.0, path, sky="swinbank", longwave=surface)
