@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from ..harness.case import Check, Group, Row, case
 from ..harness.report import CasesResult, PageTexts, run_cases
-from . import data, module, sky, soil, wall
+from . import data, literature, module, sky, soil, wall
 from .folds import fitted, judged, left_out, residuals_of, rms
 from .laws import DAYTIME, RUNNING_IN, SOILS, WATMUFF, WIND_LAWS
 from .peers import MODELS, faiman_with_lag
@@ -262,6 +262,7 @@ def _sky() -> Iterator[Row]:
 GROUPS = (
     Group("Photovoltaic modules", (_one_minute, _tempe)),
     Group("A wall, its sky and its soil", (_wall, _sky, _soil)),
+    literature.GROUP,
 )
 
 PAGE = PageTexts(
@@ -277,12 +278,14 @@ PAGE = PageTexts(
 def run(folder: Path, cases: str | None = None) -> CasesResult:
     """Run the cases whose ids begin so, such as "wall,sky", or all; write the page.
 
-    Without the folder of the measured series it says so, and exits with status 0.
+    Without the folder of the measured series it says so, and runs the cases whose
+    numbers are of the literature.
     """
+    groups = GROUPS
     if data.folder() is None:
+        groups = (literature.GROUP,)
         sys.stdout.write(
-            f"measured: {data.VARIABLE} names no folder with measured series: nothing "
-            "is compared\n"
+            f"measured: {data.VARIABLE} names no folder with measured series: only "
+            "cases of the literature are compared\n"
         )
-        sys.exit(0)
-    return run_cases(GROUPS, names=cases, folder=folder, texts=PAGE, at_once=1)
+    return run_cases(groups, names=cases, folder=folder, texts=PAGE, at_once=1)

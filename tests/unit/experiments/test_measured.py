@@ -5,20 +5,26 @@ import pytest
 
 from calibrate.problem.parameters import Parameter, ParameterSet
 from experiments import catalogue
-from experiments.harness.case import REPORTED, Row
-from experiments.measured import data, peers, soil
+from experiments.harness.case import REPORTED, Group, Row, case, near
+from experiments.measured import data, literature, peers, soil
 from experiments.measured.folds import Residuals, fitted, judged, left_out, rms
 from experiments.measured.rows import by_group, fitted_values, limited
 
 
 def test_without_the_folder_a_line_says_so(monkeypatch, tmp_path, capsys):
+    """The cases of the literature are compared all the same."""
+
+    @case("one", title="a number", source="none", requirement="1 +- 0.1")
+    def one():
+        yield near("number", 1.0, 1.0, tolerance=0.1)
+
+    monkeypatch.setattr(literature, "GROUP", Group("Literature", (one,)))
     monkeypatch.delenv(data.VARIABLE, raising=False)
     (experiment,) = catalogue.find("measured")
-    with pytest.raises(SystemExit) as ended:
-        catalogue.run(experiment, tmp_path)
-    assert ended.value.code == 0
-    (line,) = capsys.readouterr().out.splitlines()
+    catalogue.run(experiment, tmp_path)
+    line, *table = capsys.readouterr().out.splitlines()
     assert data.VARIABLE in line
+    assert "1 of 1 cases pass" in "".join(table)
 
 
 def test_days_that_are_apart_follow_each_other(monkeypatch, tmp_path):
