@@ -10,13 +10,14 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import altair as alt
 import jax
 import jax.numpy as jnp
 import numpy as np
-from PIL import Image, ImageChops, ImageDraw, ImageOps
+from PIL import Image, ImageChops, ImageDraw, ImageOps, ImageSequence
 
 import jaxthermo as jt
 from jaxthermo.image.colour.annotate import contact_sheet
@@ -32,12 +33,19 @@ ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 MAX_BYTES = 150_000
 MAX_WIDTH = 1200
+SHEET = "contact_sheet.png"
 _PAPER = (255, 255, 255)
 _INK = (60, 60, 60)
 
 
 def write_small(name: str, image: Image.Image) -> None:
-    """Write a PNG of at most `MAX_WIDTH` pixels across and `MAX_BYTES`."""
+    """Write a PNG of at most `MAX_WIDTH` pixels across and `MAX_BYTES`.
+
+    An image of several frames becomes an animated one, all frames in the same colours.
+    """
+    if getattr(image, "n_frames", 1) > 1:
+        _write_small_animation(name, image)
+        return
     image = image.convert("RGB")
     if image.width > MAX_WIDTH:
         height = round(image.height * MAX_WIDTH / image.width)
@@ -47,6 +55,18 @@ def write_small(name: str, image: Image.Image) -> None:
         # Without dithering, which would be noise to the compression.
         few = image.quantize(colours, dither=Image.Dither.NONE)
         few.save(path, optimize=True)
+        if path.stat().st_size <= MAX_BYTES:
+            return
+    raise SystemExit(f"{name}: more than {MAX_BYTES} bytes: draw it smaller")
+
+
+def _write_small_animation(name: str, animation: Image.Image) -> None:
+    frames = [frame.convert("RGB") for frame in ImageSequence.Iterator(animation)]
+    path = PICTURES / f"{name}.png"
+    for colours in (128, 64, 32, 16):
+        palette = contact_sheet(frames, columns=1).quantize(colours)
+        few = [f.quantize(palette=palette, dither=Image.Dither.NONE) for f in frames]
+        few[0].save(path, save_all=True, append_images=few[1:], duration=500, loop=0)
         if path.stat().st_size <= MAX_BYTES:
             return
     raise SystemExit(f"{name}: more than {MAX_BYTES} bytes: draw it smaller")
@@ -298,7 +318,31 @@ def _sheet(scene: str, width: int = 300, height: int = 400) -> Image.Image:
     size = (f"camera.width={width}", f"camera.height={height}")
     options = [word for change in size for word in ("--set", change)]
     folder = _simulated(scene, *options, "--contact-sheet")
-    return Image.open(folder / "contact_sheet.png")
+    return Image.open(folder / SHEET)
+
+
+@cache
+def _street() -> Path:
+    return _simulated("street")
+
+
+def _rendered(run: Path, *options: str) -> Path:
+    folder = Path(tempfile.mkdtemp())
+    command = [sys.executable, "-m", "jaxthermo", "render", str(run)]
+    subprocess.run([*command, "--out", str(folder), *options], cwd=ROOT, check=True)
+    return folder
+
+
+def street() -> Image.Image:
+    """The street at half past four, before sunset, after it and at ten."""
+    times = ("--set", "image.frames=[5400, 12600, 18000, 25200]")
+    return Image.open(_rendered(_street(), *times, "--contact-sheet") / SHEET)
+
+
+def evening() -> Image.Image:
+    """The street at all saved times, as an animation."""
+    size = ("--set", "camera.width=320", "--set", "camera.height=200")
+    return Image.open(_rendered(_street(), *size, "--animate") / "animation.png")
 
 
 MAKERS: dict[str, Callable[[], Image.Image]] = {
@@ -312,6 +356,8 @@ MAKERS: dict[str, Callable[[], Image.Image]] = {
     "time": time,
     "image": image,
     "van": lambda: _sheet("van", width=400, height=300),
+    "street": street,
+    "evening": evening,
     "windy": lambda: _sheet("windy"),
     "contact": lambda: _sheet("ball-on-figurine"),
     "day": lambda: _sheet("figurine-day"),

@@ -71,6 +71,11 @@ CHECKPOINT = "checkpoint.npz"
 # Wall time between checkpoints [s]: a run that is killed loses at most that much.
 _CHECKPOINT_EVERY = 20.0
 _PROBES = "probes.csv"
+_VERY_MANY = 1000
+"""Number of bodies from which the time that they take is told beforehand."""
+_SETUP_OVER_LOADING = 3.0
+"""Time from a loaded config to the first step, over that of loading: bodies of a few
+voxels without radiation, the least that there is."""
 _RESULT_FILES = (
     "summary.json",
     "solution.npz",
@@ -93,7 +98,7 @@ def simulate(
     In a `group` several processes run the scene, and the first one writes the results.
     """
     provide_devices(devices if group is None else devices // group.processes)
-    scene = load_config(config, overrides)
+    scene = _loaded(config, overrides)
     folder = out or Path("results") / config.stem
     extras.check(scene)
     if group is not None:
@@ -104,6 +109,20 @@ def simulate(
     with results_folder(folder):
         _check_not_overwritten(config, folder)
         _run_simulation(scene, out=folder, extras=extras, devices=devices)
+
+
+def _loaded(path: Path, overrides: tuple[str, ...]) -> SceneConfig:
+    """The config, with a line on the time that very many bodies take."""
+    clock = time.perf_counter()
+    config = load_config(path, overrides)
+    if len(config.bodies) >= _VERY_MANY:
+        seconds = _SETUP_OVER_LOADING * (time.perf_counter() - clock)
+        print_line(
+            open_console(),
+            f"{len(config.bodies):,} bodies: at least {seconds:.0f} s more until "
+            "the first step",
+        )
+    return config
 
 
 def _run_along(config: SceneConfig, out: Path, devices: int) -> None:
@@ -117,7 +136,7 @@ def _run_along(config: SceneConfig, out: Path, devices: int) -> None:
 def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
     """Compile the scene and print the included and pruned terms."""
     provide_devices(devices)
-    scene_config = load_config(config, overrides)
+    scene_config = _loaded(config, overrides)
     console = open_console()
     with precision(scene_config.dtype):
         planned = _planned(console, scene_config, devices)

@@ -1,11 +1,13 @@
 """A run of an assembly: names in its results, and few lines about many bodies."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 from cli_runs import refused, succeed
 
+from jaxthermo.cli import simulate
 from jaxthermo.config.loader import load_config
 from jaxthermo.image.files.exr import read_exr
 from tests.assemblies import NAMES, write_cart
@@ -106,6 +108,16 @@ def test_a_mistake_of_a_rule_is_one_line(tmp_path):
     assert (
         "assembly.parts.2.match: there is no part 'rof'; there are wheel_left" in line
     )
+
+
+def test_the_time_of_very_many_bodies_is_told_beforehand(tmp_path, monkeypatch):
+    write_cart(tmp_path)
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    assert "until the first step" not in succeed("simulate", path, "--explain")
+    monkeypatch.setattr(simulate, "_VERY_MANY", 4)
+    first = succeed("simulate", path, "--explain").splitlines()[0]
+    assert re.fullmatch(r"\d bodies: at least \d+ s more until the first step", first)
 
 
 @pytest.mark.slow
