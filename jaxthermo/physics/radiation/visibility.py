@@ -27,6 +27,7 @@ from ...geometry.vectors import row_dot, tangents
 from ...host_memory import require_memory
 from ...memo.found import found
 from ...memo.stored import stored_search
+from ...raster.bounding_spheres import BoundingSpheres
 from ...raster.depth_buffer import depth_range, nearest_depth
 from ...raster.views import (
     OrthographicView,
@@ -150,7 +151,7 @@ class _Window(NamedTuple):
 
 def _window(
     view: OrthographicView,
-    corners: Float[np.ndarray, "f 3 3"],
+    triangles: Float[np.ndarray, "f 3 3"],
     at: Float[np.ndarray, "n 3"],
     is_behind: Callable[[float, float], Bool[np.ndarray, " n"]],
     task: str,
@@ -159,15 +160,21 @@ def _window(
 
     Args:
         view: of all points.
-        corners: of the occluder, projected.
+        triangles: of the occluder [m].
         at: points, projected.
         is_behind: flags of the points, from the depths at which the occluder begins
             and ends.
         task: what the window is a part of.
     """
-    if not len(corners):
-        return None
     row, column = pixels_at(view, at)
+    is_over = BoundingSpheres.of(triangles).are_over(
+        view,
+        low=np.array([column.min(), row.min()]),
+        high=np.array([column.max() + 1, row.max() + 1]),
+    )
+    if not is_over.any():
+        return None
+    corners = view.project(triangles[is_over])
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
     points = np.flatnonzero(
@@ -248,7 +255,7 @@ def sunlit_samples(
     is_lit = np.ones(len(at), bool)
     window = _window(
         view,
-        corners=view.project(triangles),
+        triangles=triangles,
         at=at,
         is_behind=lambda nearest, _: at[:, 2] > nearest,
         task="a shadow map",
@@ -450,7 +457,7 @@ def _sees_out(
     is_free = np.ones(len(position), bool)
     window = _window(
         view,
-        corners=view.project(triangles),
+        triangles=triangles,
         at=at,
         is_behind=lambda low, high: np.where(is_ahead, above < high, below > low),
         task="a map",
