@@ -202,8 +202,12 @@ class ColumnFactors(Module):
 
     def backward(self, rise: Float[Array, " n"]) -> Float[Array, " n"]:
         """R f, the rise of a step that is implicit in the columns."""
+        return self.solved(self.columns.node_capacity * rise)
+
+    def solved(self, heat: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Rise x [K] of (C - s C A) x = heat [J]."""
         columns = self.columns
-        cells, others = columns.split(columns.node_capacity * rise)
+        cells, others = columns.split(heat)
 
         def inward(passed, cell):
             heat, ratio = cell

