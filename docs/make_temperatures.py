@@ -4,24 +4,30 @@ Run `experiments run measured --out FOLDER` first, then this with that folder.
 """
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 
-FILE = Path(__file__).parent / "data" / "temperatures.json"
+DOCS = Path(__file__).parent
+FILE = DOCS / "data" / "temperatures.json"
 _NONE = "\N{EN DASH}"
 
 
 def main(folder: Path) -> None:
-    """Write a table for each part of each case that was run."""
+    """Write the tables that the page shows, of the cases that were run."""
+    page = (DOCS / "how-true.md").read_text(encoding="utf-8")
+    shown = re.findall(r"temperatures:([^`\n]+)", page)
     result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     record = json.loads(FILE.read_text(encoding="utf-8"))
     for case in result["result"]["cases"]:
         parts = dict.fromkeys(row["what"] for row in case["rows"])
         for part in parts:
-            rows = [row for row in case["rows"] if row["what"] == part]
-            record["tables"][f"{case['id']}, {part}"] = _table(rows)
+            name = f"{case['id']}, {part}"
+            if name in shown:
+                rows = [row for row in case["rows"] if row["what"] == part]
+                record["tables"][name] = _table(rows)
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
     FILE.write_text(text, encoding="utf-8")
 

@@ -18,8 +18,8 @@ from calibrate.solvers.noise_scale import residual_sd
 from jaxthermo.arrays import precision
 
 
-_FARTHEST = 8.0
-"""Largest coordinate of a fit; the value is within 0.1 % of a bound there."""
+_FARTHEST = 4.0
+"""Largest coordinate that is judged: farther on, a value at a bound has no slope."""
 
 
 class Residuals(NamedTuple):
@@ -76,7 +76,7 @@ def fitted(
         lambda z: residuals.at(z)[used],
         x0=np.zeros(residuals.size),
         jac=cast(Any, slope),
-        bounds=(-_FARTHEST, _FARTHEST),
+        method="lm",
         xtol=1e-6,
         ftol=1e-6,
     )
@@ -103,13 +103,13 @@ def judged(
     used: Bool[np.ndarray, " t"],
 ) -> Identified:
     """Values at the coordinates of a fit, with standard errors and verdicts."""
+    z = np.clip(z, -_FARTHEST, _FARTHEST)
     remainder = residuals.at(z)[used]
     return identify(
         parameters,
         z=z,
         jacobian=residuals.slope(z)[used].T,
         sd=residual_sd(remainder, len(z), noise=None),
-        residual=remainder,
     )
 
 
