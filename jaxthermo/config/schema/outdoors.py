@@ -98,7 +98,7 @@ class OutdoorsConfig(Model, builds="outdoors"):
     occlusion: Directions | None = None
     every: Annotated[si.Time, Field(ge=1)] = 1800.0
     """Interval at which the sun's shadows are recomputed [s]."""
-    longwave: dict[str, WhereConfig] = {}
+    longwave: dict[str, WhereConfig] | None = None
     """Surfaces whose long wave is in a column of the file, such as `west` for
     `longwave_west_W_m2`, in the place of sky and ground."""
 
@@ -141,7 +141,7 @@ class OutdoorsConfig(Model, builds="outdoors"):
         clear_sky = arguments.pop("clear_sky", None)
         weather_file = arguments.pop("weather", None)
         arguments["longwave"] = {
-            plane: surface.build() for plane, surface in self.longwave.items()
+            plane: surface.build() for plane, surface in (self.longwave or {}).items()
         }
         arguments["start"] = datetime.fromisoformat(self.start)
         arguments["weather"] = clear_sky or weather_file
