@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from jaxthermo.constants import ZERO_CELSIUS
+
 from ..harness.case import Check, Group, case, near
-from . import convection, ground, moon
+from . import convection, ground, heated_plate, moon
 from .folds import rms
 
 
@@ -96,4 +98,27 @@ def _moon() -> Iterator[Check]:
         yield near(name, computed, measured, unit="K")
 
 
-GROUP = Group("Measurements of the literature", (_still_air, _wind, _ground, _moon))
+@case(
+    "heated plate",
+    title="metal plate on wool under a radiant heater, then in still air",
+    source="NIST, plate thermometers in firemodels/exp",
+    requirement="steady within 5 % of the rise; heating and cooling reported",
+    method="voxels of 3.2 mm, steps of 2.5 s",
+)
+def _heated_plate() -> Iterator[Check]:
+    for exposure in (heated_plate.WEAK, heated_plate.STRONG):
+        errors = heated_plate.errors(exposure)
+        steady = exposure.steady
+        measured = exposure.celsius[steady]
+        rise = measured + ZERO_CELSIUS - heated_plate.AIR
+        name = f"{exposure.irradiance / 1000:g} kW/m^2"
+        computed = measured + float(errors[steady])
+        limit = 0.05 * rise
+        yield near(f"{name}, steady", computed, measured, unit="degC", tolerance=limit)
+        rest = np.delete(errors, steady)
+        yield near(f"{name}, rms otherwise", rms(rest), 0.0, unit="K")
+
+
+GROUP = Group(
+    "Measurements of the literature", (_still_air, _wind, _ground, _moon, _heated_plate)
+)
