@@ -116,7 +116,8 @@ def errors(exposure: Exposure) -> Float[np.ndarray, " t"]:
     """Computed less measured temperatures at the times of an exposure [K]."""
     plate = scene(exposure)
     solver = jt.SuperTimeStepping(dt=_STEP)
-    solution = jt.simulate(plate, exposure.time[-1], exposure.time, solver=solver)
+    saves = [float(time) for time in exposure.time]
+    solution = jt.simulate(plate, saves[-1], saves, solver=solver)
     normal = plate.bodies[0].structure.grid.fragment_normal
     top = np.flatnonzero(normal[:, 2] > 0.5)
     computed = np.asarray(solution.surface_temperature)[:, top].mean(axis=1)

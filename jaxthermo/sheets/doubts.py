@@ -73,7 +73,9 @@ def _of_neighbours(
     dst: Int[np.ndarray, " l"],
 ) -> Float[np.ndarray, " n"]:
     count = len(values)
-    return np.bincount(src, values[dst], count) + np.bincount(dst, values[src], count)
+    sums = np.bincount(src, values[dst], count) + np.bincount(dst, values[src], count)
+    # Without links, as on a sheet of one cell, they are counted in integers.
+    return sums.astype(float)
 
 
 class DoubleArea(NamedTuple):
