@@ -27,10 +27,9 @@ def split_long_edges(
     """Cut triangles until edges of the mesh are not longer than a length [m].
 
     A point on an edge is one vertex for all its triangles, whatever their number. The
-    longest edge of a triangle is cut near its middle, so that both parts are whole
-    numbers of equal pieces, unless the triangle is a needle, narrower than half the
-    length; then each edge in equal pieces. Further cuts in the middle would leave
-    pieces of a needle that are far shorter than it is wide.
+    longest edge of a triangle is cut in the middle while its shortest one is too long;
+    then each edge in equal pieces. A needle ends in pieces as long as `longest`, where
+    further cuts in the middle would leave some that are far shorter than it is wide.
     """
     limit = (1 + 1e-9) * longest
     origin = np.arange(len(faces))
@@ -42,7 +41,7 @@ def split_long_edges(
         length = np.sqrt(row_dot(along, along)).reshape(-1, 3)
         # A triangle without a long edge has no edge that another one cuts.
         is_long = length.max(axis=1) > limit
-        is_cut = is_long & (length.min(axis=1) > longest / 2)
+        is_cut = is_long & (length.min(axis=1) > longest)
         if not is_cut.any():
             break
         # Of equal edges the same one in both triangles at it.
@@ -52,9 +51,7 @@ def split_long_edges(
         half_edge = np.zeros(len(edges.uses), np.int64)
         half_edge[edges.edge] = np.arange(len(edges.edge))
         half_edge = half_edge[cut]
-        pieces = np.ceil(length.ravel()[half_edge] / limit)
-        fraction = np.floor(pieces / 2) / pieces
-        points = vertices[edges.start[half_edge]] + fraction[:, None] * along[half_edge]
+        points = vertices[edges.start[half_edge]] + along[half_edge] / 2
         point = np.full(len(edges.uses), -1)
         point[cut] = len(vertices) + np.arange(len(cut))
         vertices = np.concatenate([vertices, points])
