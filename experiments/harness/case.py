@@ -47,7 +47,8 @@ class Check:
     def passes(self) -> bool | None:
         """True if the number is right; None without a tolerance or a limit."""
         if self.expected is None:
-            if self.lowest == -math.inf and self.highest == math.inf:
+            is_open = self.lowest == -math.inf and self.highest == math.inf
+            if is_open and not math.isnan(self.computed):
                 return None
             return bool(self.lowest <= self.computed <= self.highest)
         if self.tolerance is None:

@@ -140,11 +140,11 @@ def _geometry(sheets: Sequence[Sheet], dtype: Any) -> _Geometry:
         np.pad(rows[:, :most], width) for rows, width in zip(area, widths, strict=True)
     ]
     return _Geometry(
-        part=np.concatenate(part),
+        part=np.concatenate(part).astype(np.int32),
         weight=np.concatenate(weight).astype(dtype),
-        stack=np.concatenate(stack_rows),
+        stack=np.concatenate(stack_rows).astype(np.int32),
         area=np.concatenate(area_rows).astype(dtype),
-        face=np.concatenate(face),
+        face=np.concatenate(face).astype(np.int32),
     )
 
 

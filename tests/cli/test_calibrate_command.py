@@ -15,6 +15,9 @@ from tests.calibrating import SPHERE
 from tests.shallow import SHALLOW
 
 
+# The fit's reference has coarse voxels, too.
+pytestmark = SHALLOW
+
 SCENE = SPHERE.replace("end: 60, save_at: [30, 60]", "end: 200, save_at: [100, 200]")
 FIT = """
 scene: scene.yaml
@@ -85,7 +88,6 @@ def test_identify_judges_the_start_and_fits_nothing(fitted):
     assert sorted(folder.rglob("*")) == files
 
 
-@SHALLOW
 def test_check_holds_where_it_was_fitted_and_warns_outside(fitted):
     folder, _ = fitted
     card = folder / "out" / "card.yaml"

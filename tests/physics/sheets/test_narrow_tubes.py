@@ -91,9 +91,10 @@ def test_a_bar_that_conducts_too_little_is_told(seed):
     doubt = poor_conduction(sheet.grid)
     assert ratio < 0.95
     assert doubt is not None
-    assert doubt.ratio == pytest.approx(ratio, abs=0.1)
+    # That of the bar is a mean along it, and this one the smallest.
+    assert -0.15 < doubt.ratio - ratio < 0.1
     along = float((doubt.position @ rotation(seed))[2])
-    assert 0 < along < length
+    assert -1e-9 < along < length + 1e-9
     (line,) = sheet_warnings(sheet)
     assert "% of its surface are narrow bars or tubes that conduct too little" in line
     assert line.endswith("m: give them a finer pitch")
