@@ -157,7 +157,7 @@ def with_border_nodes(
     new = vertex[order]
     finer = node.copy()
     finer[new] = len(position) + foot[order]
-    finer = _nearest(surface, finer, np.concatenate([position, feet]), moved=new)
+    finer = _nearest(surface, finer, np.concatenate([position, feet]))
     # Only nodes that gained or lost vertices may be small, or in several parts.
     has_changed = np.zeros(len(position) + len(feet), bool)
     has_changed[node[finer != node]] = True
@@ -171,20 +171,10 @@ def _nearest(
     surface: Surface,
     node: Int[np.ndarray, " v"],
     position: Float[np.ndarray, "n 3"],
-    moved: Int[np.ndarray, " m"] | None = None,
 ) -> Int[np.ndarray, " v"]:
-    """Move vertices to the nearest node that a neighbour belongs to.
-
-    Args:
-        surface: its triangles.
-        node: node of each vertex.
-        position: position of each node [m].
-        moved: vertices whose neighbours may be nearer to their nodes; None for all.
-    """
+    """Move vertices to the nearest node that a neighbour belongs to."""
     node = node.copy()
     start, end = surface.neighbours.T
-    if moved is not None:
-        end, start = surface.edges_from(moved)
     for _ in range(_SWEEPS):
         across = np.flatnonzero(node[start] != node[end])
         vertex = start[across]

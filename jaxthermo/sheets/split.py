@@ -8,7 +8,6 @@ from jaxtyping import Float, Int
 from ..arrays import rank_in_group, sorted_union
 from ..geometry.mesh import edges_of
 from ..geometry.refine import cut_faces
-from ..geometry.vectors import row_dot
 
 
 class SplitMesh(NamedTuple):
@@ -31,43 +30,28 @@ def split_long_edges(
     then each edge in equal pieces. A needle ends in pieces as long as `longest`, where
     further cuts in the middle would leave some that are far shorter than it is wide.
     """
-    limit = (1 + 1e-9) * longest
     origin = np.arange(len(faces))
-    short_faces = [faces[:0]]
-    short_origins = [origin[:0]]
     while True:
         edges = edges_of(faces)
         along = vertices[edges.end] - vertices[edges.start]
-        length = np.sqrt(row_dot(along, along)).reshape(-1, 3)
-        # A triangle without a long edge has no edge that another one cuts.
-        is_long = length.max(axis=1) > limit
-        is_cut = is_long & (length.min(axis=1) > longest)
-        if not is_cut.any():
-            break
+        length = np.linalg.norm(along, axis=1).reshape(-1, 3)
         # Of equal edges the same one in both triangles at it.
         preference = length * (1 + 1e-9 * (edges.edge % 997).reshape(-1, 3) / 997)
         side = np.arange(len(faces)) * 3 + preference.argmax(1)
-        cut = sorted_union(edges.edge[side[is_cut]])
+        cut = sorted_union(edges.edge[side[length.min(1) > longest]])
+        if not len(cut):
+            break
+        middle = np.full(len(edges.uses), -1)
+        middle[cut] = len(vertices) + np.arange(len(cut))
         half_edge = np.zeros(len(edges.uses), np.int64)
         half_edge[edges.edge] = np.arange(len(edges.edge))
-        half_edge = half_edge[cut]
-        points = vertices[edges.start[half_edge]] + along[half_edge] / 2
-        point = np.full(len(edges.uses), -1)
-        point[cut] = len(vertices) + np.arange(len(cut))
-        vertices = np.concatenate([vertices, points])
-        short_faces.append(faces[~is_long])
-        short_origins.append(origin[~is_long])
-        faces, origin = cut_faces(
-            faces[is_long],
-            point[edges.edge].reshape(-1, 3)[is_long],
-            origin[is_long],
+        ends = (
+            vertices[edges.start[half_edge[cut]]] + vertices[edges.end[half_edge[cut]]]
         )
+        vertices = np.concatenate([vertices, ends / 2])
+        faces, origin = cut_faces(faces, middle[edges.edge].reshape(-1, 3), origin)
     sliced = _sliced(vertices, faces, longest)
-    return SplitMesh(
-        vertices=sliced.vertices,
-        faces=np.concatenate([*short_faces, sliced.faces]),
-        origin=np.concatenate([*short_origins, origin[sliced.origin]]),
-    )
+    return sliced._replace(origin=origin[sliced.origin])
 
 
 def _sliced(
