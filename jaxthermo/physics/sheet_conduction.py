@@ -31,8 +31,8 @@ from ..structures.structure import AbstractStructure
 from .column_conduction import column_network
 
 
-class _SheetConduction(NamedTuple):
-    """Conduction of sheets that are one network."""
+class Conduction(NamedTuple):
+    """Conduction of bodies that are one network."""
 
     network: AbstractNetwork
     half_cell: Float[Any, " s"]
@@ -41,7 +41,7 @@ class _SheetConduction(NamedTuple):
 
 def sheets_conduction(
     structure: AbstractStructure, sheets: Sequence[Sheet], dtype: Any
-) -> _SheetConduction:
+) -> Conduction:
     """Conduction of sheets with the same number of cells through the thickness.
 
     `structure` is the sheet, or the structure that joins them; conductances follow from
@@ -58,7 +58,7 @@ def sheets_conduction(
     xp = array_namespace(values.to_front)
     faces = xp.concatenate([values.to_front[:, 0], values.to_back[:, -1]])
     area = structure.grid.fragment_area.astype(dtype)
-    return _SheetConduction(
+    return Conduction(
         network=_network(structure, geometry, values),
         half_cell=area / faces[geometry.face],
     )

@@ -26,7 +26,7 @@ from ...physics.conduction import (
     surface_conductivity,
 )
 from ...physics.flux_law import Forcing, Values
-from ...physics.sheet_conduction import sheets_conduction
+from ...physics.sheet_conduction import Conduction, sheets_conduction
 from ...physics.surface import concatenated
 from ...physics.time_varying import check_temperature
 from ...structures.kinds.air import AirVolume
@@ -165,48 +165,34 @@ def one_or_all(values: Sequence[Scalar]) -> Float[Values, "*b"]:
 def prepare(number: int, group: BodyGroup, dtype: Any) -> PreparedGroup:
     """Network, initial state and addresses of a group of bodies."""
     references, theta = _start_of_group(group, dtype)
-    if group.is_single:
-        (body,) = group.bodies
-        network = _network(body, references[0], dtype)
-        half_cell = _half_cells(body, references[0], dtype)
-        surface_map = body.surface_map
-        parts = _parts(body, references[0], dtype)
-    else:
-        joined = _joined_conduction(group, dtype)
-        network = joined.network
-        half_cell = joined.half_cell
-        surface_map = group.bodies[0].surface_map
-        parts = None
+    body = group.bodies[0]
+    conduction = _conduction(group, references[0], dtype)
+    parts = _parts(body, references[0], dtype) if group.is_single else None
     return PreparedGroup(
         number=number,
         group=group,
-        network=network,
+        network=conduction.network,
         references=references,
-        state=network.state_of(jnp.asarray(theta)),
-        half_cell=half_cell,
+        state=conduction.network.state_of(jnp.asarray(theta)),
+        half_cell=conduction.half_cell,
         fragment_node=group.structure.fragment_node(),
-        surface_map=surface_map.bind(group.structure, dtype),
+        surface_map=body.surface_map.bind(group.structure, dtype),
         conductivity_parts=parts,
     )
 
 
-class _JoinedConduction(NamedTuple):
-    """Conduction of several bodies as one network."""
-
-    network: AbstractNetwork
-    half_cell: Float[Values, " s"]
-    """Conductance from each fragment to its node [W/K]."""
-
-
-def _joined_conduction(group: BodyGroup, dtype: Any) -> _JoinedConduction:
+def _conduction(group: BodyGroup, reference: Scalar, dtype: Any) -> Conduction:
     structure = group.structure
     sheets = [
         body.structure for body in group.bodies if isinstance(body.structure, Sheet)
     ]
     if sheets:
-        conduction = sheets_conduction(structure, sheets, dtype)
-        return _JoinedConduction(
-            network=conduction.network, half_cell=conduction.half_cell
+        return sheets_conduction(structure, sheets, dtype)
+    if group.is_single:
+        (body,) = group.bodies
+        return Conduction(
+            _network(body, reference, dtype),
+            half_cell=_half_cells(body, reference, dtype),
         )
     table = MaterialRows.of_group(group)
     network = materials_network(
@@ -217,14 +203,12 @@ def _joined_conduction(group: BodyGroup, dtype: Any) -> _JoinedConduction:
         reference=0.0,
         dtype=dtype,
     )
-    return _JoinedConduction(network, half_cell=table.half_cells(group, dtype))
+    return Conduction(network, half_cell=table.half_cells(group, dtype))
 
 
 def _network(body: Body, reference: Scalar, dtype: Any) -> AbstractNetwork:
     structure = body.structure
     material = body.material
-    if isinstance(structure, Sheet):
-        return sheets_conduction(structure, [structure], dtype).network
     if isinstance(structure, AirVolume):
         air = body_of_air(structure.air_volume, body.temperature)
         return material_network(
@@ -417,8 +401,6 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     structure = body.structure
     material = body.material
     grid = structure.grid
-    if isinstance(structure, Sheet):
-        return sheets_conduction(structure, [structure], dtype).half_cell
     if isinstance(structure, AirVolume):
         return np.zeros(0, dtype)
     if isinstance(material, AbstractMaterials):
