@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 from ..geometry.mesh import edges_of
 from ..geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ..memo.found import found
+from .coarse import SheetLinks
 from .node_complex import CLOSED
 from .sheet_grid import SheetGrid
 
@@ -62,20 +63,19 @@ def _curvature(grid: SheetGrid) -> Float[np.ndarray, " n"]:
     # A cell has few of the edges that a mesh bends at: with those around it.
     links = cells.links
     for _ in range(2):
-        total = total + _of_neighbours(total, links.src, links.dst)
-        area = area + _of_neighbours(area, links.src, links.dst)
+        total = total + _of_neighbours(total, links)
+        area = area + _of_neighbours(area, links)
     return total / area
 
 
 def _of_neighbours(
-    values: Float[np.ndarray, " n"],
-    src: Int[np.ndarray, " l"],
-    dst: Int[np.ndarray, " l"],
-) -> Float[np.ndarray, " n"]:
+    values: Float[np.ndarray, "n *m"], links: SheetLinks
+) -> Float[np.ndarray, "n *m"]:
+    """Sum of the values of the neighbours of each node."""
     count = len(values)
-    sums = np.bincount(src, values[dst], count) + np.bincount(dst, values[src], count)
-    # Without links, as on a sheet of one cell, they are counted in integers.
-    return sums.astype(float)
+    return _summed(links.src, values[links.dst], count) + _summed(
+        links.dst, values[links.src], count
+    )
 
 
 class DoubleArea(NamedTuple):
@@ -171,12 +171,7 @@ def _poor_conduction(grid: SheetGrid) -> PoorConduction | None:
     area = cells.area.sum(axis=1)
     sums = [by_links, by_surface, total_normal, area]
     for _ in range(2):
-        sums = [
-            values
-            + _summed(links.src, values[links.dst], count)
-            + _summed(links.dst, values[links.src], count)
-            for values in sums
-        ]
+        sums = [values + _of_neighbours(values, links) for values in sums]
     by_links, by_surface, total_normal, total_area = sums
     is_closed = np.linalg.norm(total_normal, axis=1) < CLOSED * total_area
     # A small closed piece is a node or two, and no bar.
