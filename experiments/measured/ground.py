@@ -19,6 +19,8 @@ import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
 from jaxthermo.weather.sky import sky_temperature
 
+from .thermocouple import fragment_of
+
 
 _REPEATS = 4
 _SHORTEST_TIME = 300.0  # [s]
@@ -125,6 +127,5 @@ def errors(stack: str) -> Float[np.ndarray, " t"]:
     saves = _TIME[-len(_AIR) :]
     solver = jt.SuperTimeStepping(dt=_STEP)
     solution = jt.simulate(ground, float(saves[-1]), saves.tolist(), solver=solver)
-    face = ground.bodies[0].structure.grid.fragment_face
-    top = int(np.flatnonzero(face == 0)[0])
-    return np.asarray(solution.surface_temperature)[:, top] - measured()
+    computed = np.asarray(solution.surface_temperature)
+    return computed[:, fragment_of(ground, "front")] - measured()

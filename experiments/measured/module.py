@@ -27,7 +27,7 @@ from .laws import (
     WATMUFF,
     WindLaw,
 )
-from .thermocouple import thermocouple
+from .thermocouple import fragment_of, thermocouple
 
 
 # More stages than all laws need, so that they share a program.
@@ -121,7 +121,7 @@ def errors(columns: Columns, module: jt.Scene) -> Float[np.ndarray, " n"]:
         save_at=times.tolist(),
         solver=_SOLVER,
     )
-    computed = np.asarray(solution.surface_temperature)[:, _back(module)]
+    computed = np.asarray(solution.surface_temperature)[:, fragment_of(module, "back")]
     return computed - kelvin(columns["module_temperature_C"])[1:]
 
 
@@ -132,18 +132,11 @@ def problem(columns: Columns) -> Problem:
     target = thermocouple(
         saves,
         kelvin(columns["module_temperature_C"])[1:],
-        fragment=_back(module),
+        fragment=fragment_of(module, "back"),
         fragments=len(module.bodies[0].structure.grid.fragment_area),
     )
     run = ParametricRun(saves, _SOLVER)
     return Problem(_parameters(), (Case("module", module, run, target),))
-
-
-def _back(module: jt.Scene) -> int:
-    """Number of a fragment of the back."""
-    face = module.bodies[0].structure.grid.fragment_face
-    assert face is not None
-    return int(np.flatnonzero(face == 1)[0])
 
 
 def _parameters() -> ParameterSet:

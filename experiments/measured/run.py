@@ -1,7 +1,7 @@
 """`experiments run measured`: measured temperatures, and what runs make of them."""
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from calibrate.problem.problem import Problem
+
 from ..harness.case import Check, Group, Row, case
 from ..harness.report import CasesResult, PageTexts, run_cases
 from . import data, literature, module, sky, soil, wall
-from .folds import fitted, judged, left_out, residuals_of, rms
+from .folds import Residuals, fitted, judged, left_out, residuals_of, rms
 from .laws import DAYTIME, RUNNING_IN, SOILS, WATMUFF, WIND_LAWS
 from .peers import MODELS, faiman_with_lag
 from .rows import by_group, fitted_values, limited
@@ -78,17 +80,21 @@ def _module(file: str, highest_share: float) -> Iterator[Row]:
     yield from by_group("winds by day", _winds(columns, is_lit), models)
     days = {f"day {n + 1:.0f}": is_lit & (day == n) for n in np.unique(day)}
     yield from by_group("days", days, {**models, "Faiman with a lag": lagged})
-    z = fitted(residuals, everything)
-    yield from fitted_values(
-        judged(problem.parameters, residuals, z=z, used=everything),
-        dict(
-            zip(
-                problem.parameters.labels,
-                ("absorptance", "coefficient by wind", "emissivity"),
-                strict=True,
-            )
-        ),
-    )
+    names = ("absorptance", "coefficient by wind", "emissivity")
+    yield from _values(problem, residuals, names, used=everything)
+
+
+def _values(
+    problem: Problem,
+    residuals: Residuals,
+    names: Sequence[str],
+    used: Bool[np.ndarray, " t"],
+) -> Iterator[Row]:
+    """The numbers of a problem, by these names, fitted to all rows that are used."""
+    z = fitted(residuals, used)
+    identified = judged(problem.parameters, residuals, z=z, used=used)
+    labels = problem.parameters.labels
+    return fitted_values(identified, dict(zip(labels, names, strict=True)))
 
 
 def _hours(columns: data.Columns) -> Mapping[str, Bool[np.ndarray, " t"]]:
@@ -190,17 +196,8 @@ def _wall() -> Iterator[Row]:
     yield from by_group(
         "outer surface", groups, {"without a fit": plain["outer_surface_degC"]}
     )
-    z = fitted(residuals, used)
-    yield from fitted_values(
-        judged(problem.parameters, residuals, z=z, used=used),
-        dict(
-            zip(
-                problem.parameters.labels,
-                ("absorptance", "coefficient in still air", "coefficient by wind"),
-                strict=True,
-            )
-        ),
-    )
+    names = ("absorptance", "coefficient in still air", "coefficient by wind")
+    yield from _values(problem, residuals, names, used=used)
 
 
 def _unit(column: str) -> str:
@@ -288,9 +285,10 @@ GROUPS = (
 PAGE = PageTexts(
     "Measured temperatures",
     (
-        "The laws and numbers of these runs, with their sources, are in "
-        "experiments/measured/laws.py; they were written down before the first "
-        "comparison.",
+        "The laws and numbers of modules, wall, sky and soil, with their sources, are "
+        "in experiments/measured/laws.py; they were written down before the first "
+        "comparison. The limits of convection and of the ground over a day were set "
+        "after theirs.",
     ),
 )
 

@@ -1,13 +1,22 @@
 """A measured series of temperatures as the data of a problem."""
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 
+import jaxthermo as jt
 from calibrate.problem.targets import SurfaceTarget
 from jaxthermo.constants import ZERO_CELSIUS
+from jaxthermo.voxels.selection import FACES
+
+
+def fragment_of(scene: jt.Scene, face: Literal["front", "back"]) -> int:
+    """Number of a fragment of a face of the first body, a sheet."""
+    of_face = scene.bodies[0].structure.grid.fragment_face
+    assert of_face is not None
+    return int(np.flatnonzero(of_face == FACES.index(face))[0])
 
 
 def thermocouple(

@@ -13,7 +13,7 @@ from jaxthermo.weather.sky import sky_temperature
 
 from .data import Columns, kelvin
 from .laws import INNER_WALL, OUTER_WALL, WATMUFF, WindLaw
-from .thermocouple import thermocouple
+from .thermocouple import fragment_of, thermocouple
 
 
 _STEP = 600.0  # [s]
@@ -82,8 +82,8 @@ def errors(columns: Columns, wall: jt.Scene) -> Mapping[str, Float[np.ndarray, "
     (inward,) = solution.energy.contacts.values()
     from_inside = solution.energy.mechanisms["fixed_temperature"]
     computed = {
-        "outer_surface_degC": surface[:, _fragment(wall, 0)],
-        "layer_degC": surface[:, _fragment(wall, 1)],
+        "outer_surface_degC": surface[:, fragment_of(wall, "front")],
+        "layer_degC": surface[:, fragment_of(wall, "back")],
         "layer_heat_flux_W_m2": -np.diff(inward, prepend=0.0) / _STEP,
         "inner_heat_flux_W_m2": np.diff(from_inside, prepend=0.0) / _STEP,
     }
@@ -101,7 +101,7 @@ def problem(columns: Columns, law: WindLaw = WATMUFF) -> Problem:
     target = thermocouple(
         saves,
         kelvin(columns["outer_surface_degC"])[1:],
-        fragment=_fragment(wall, 0),
+        fragment=fragment_of(wall, "front"),
         fragments=sum(len(body.structure.grid.fragment_area) for body in wall.bodies),
     )
     run = ParametricRun(saves, _SOLVER)
@@ -111,10 +111,3 @@ def problem(columns: Columns, law: WindLaw = WATMUFF) -> Problem:
         Parameter("linear_wind.by_speed", (law.by_speed,), 0.0, 20.0),
     )
     return Problem(ParameterSet(parameters), (Case("wall", wall, run, target),))
-
-
-def _fragment(wall: jt.Scene, face: int) -> int:
-    """Number of a fragment of the front (0) or the back (1) of the outer sheet."""
-    of_face = wall.bodies[0].structure.grid.fragment_face
-    assert of_face is not None
-    return int(np.flatnonzero(of_face == face)[0])
