@@ -2,7 +2,7 @@
 
 | solver | order | stability | use |
 |---|---|---|---|
-| `ForwardEuler` | 1 | up to the stable step | comparison, overshoots nowhere |
+| `ForwardEuler` | 1 | up to the stable step | comparison, no overshoot but in columns |
 | `SuperTimeStepping` | 2 | by stages, n stable steps cost 2 sqrt(n) | long runs |
 | `BackwardEuler` | 1 | L-stable, no overshoot | very stiff scenes, huge steps |
 | `TRBDF2` | 2 | L-stable, step by error control | stiff scenes, to a stated error |
@@ -139,7 +139,9 @@ def _required(stable_step: float | None, example: str) -> float:
 
 
 class ForwardEuler(AbstractSolver):
-    """Explicit Euler: first order, stable up to the stable step, no overshoot.
+    """Explicit Euler: first order, stable up to the stable step.
+
+    No overshoot, but where the surface has columns of thin cells.
 
         T_{n+1} = T_n + dt / C (K T_n + q(T_n, t_n + dt/2)),
 
