@@ -14,6 +14,7 @@ moment in each step, so that its energy does not depend on the steps.
 """
 
 import abc
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
@@ -192,14 +193,16 @@ def _count_until(times: SplitTimes, start: SplitTimes, after: Time) -> Int[Array
     """Number of increasing times that are at most `after` [s] after a start."""
     # Without a loop: on a GPU XLA fails where the loop of the steps holds one of fixed
     # length whose result is an index. https://github.com/openxla/xla/issues/49299
+    # In two passes over about a root of all times, which compile faster than bisection.
     size = times.shape[1]
-    count = jnp.zeros((), jnp.int32)
-    for bit in reversed(range(size.bit_length())):
-        trial = count + 2**bit
-        knot = times[:, jnp.minimum(trial, size) - 1]
-        is_until = (trial <= size) & (_since(start, knot) <= after)
-        count = jnp.where(is_until, trial, count)
-    return count
+    block = math.isqrt(size - 1) + 1
+
+    def count(knots: SplitTimes) -> Int[Array, ""]:
+        return (_since(start, knots) <= after).sum(dtype=jnp.int32)
+
+    begin = jnp.minimum(block * count(times[:, block - 1 :: block]), size - block)
+    rest = jax.lax.dynamic_slice_in_dim(times, begin, block, axis=1)
+    return begin + count(rest)
 
 
 def _projection(

@@ -122,3 +122,19 @@ def test_steps_of_a_window_leave_no_time_out():
         steps = jnp.array([number - 1, number], jnp.int32)
         means = jax.jit(jax.vmap(mean, (0, None)))(steps, value)
         assert float(means.sum() * dt) == pytest.approx(0.5, rel=1e-4)
+
+
+@pytest.mark.parametrize("size", [2, 3, 4, 5, 9, 10, 16, 17, 100])
+def test_a_window_has_the_line_of_its_piece_in_a_table_of_any_size(size):
+    knots = np.arange(size, dtype=float)
+    value = table(knots, knots**2)
+
+    @jax.jit
+    @jax.vmap
+    def line_at(start):
+        split = jnp.stack([start, jnp.zeros_like(start)])
+        return over(value, Window(split, jnp.float32(0.5)))(jnp.float32(0.25))
+
+    starts = np.arange(-1.0, size + 1, 0.5, dtype=np.float32)
+    right = np.interp(starts + 0.25, knots, knots**2)
+    assert np.asarray(line_at(starts)) == pytest.approx(right, abs=1e-3)
