@@ -22,11 +22,12 @@ def main(folder: Path) -> None:
     result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     record = json.loads(FILE.read_text(encoding="utf-8"))
     for case in result["result"]["cases"]:
-        parts = dict.fromkeys(row["what"] for row in case["rows"])
+        # Rows of the literature have no such part: their table is written by hand.
+        parts = dict.fromkeys(row.get("what") for row in case["rows"])
         for part in parts:
             name = f"{case['id']}, {part}"
             if name in shown:
-                rows = [row for row in case["rows"] if row["what"] == part]
+                rows = [row for row in case["rows"] if row.get("what") == part]
                 record["tables"][name] = _table(rows)
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
     FILE.write_text(text, encoding="utf-8")

@@ -8,7 +8,7 @@ the days that are tested.
 | wind on flat faces | h = 2.8 + 3.0 v | Watmuff, Charters and Proctor 1977 |
 | other winds, reported | 4 + 4 v; 5.7 + 3.8 v | EN ISO 6946, annex C; McAdams 1954 |
 | flat plate, reported | horizontal wind onto the front, the upper face | `jt.Wind` |
-| the same in still air | added to the wind | `jt.FreeConvection` |
+| the same in still air | beside the wind | `jt.FreeConvection` |
 | module: sky | 0.0552 T_air^1.5 | Swinbank 1963 |
 | other sky, reported | by the dew point | Berdahl and Martin 1984 |
 | module: absorptance | 0.9 | default of PVsyst (pvlib) |

@@ -68,6 +68,18 @@ class Binding(NamedTuple):
     """Remarks on the validity of the law, for the receipt."""
 
 
+# Largest sum of the fractions of a fragment that two terms select side by side, which
+# have the areas of the mesh and not of the fragment.
+_MAX_SIDE_BY_SIDE = 1.25
+
+
+def overlap(
+    first: Float[np.ndarray, " s"], second: Float[np.ndarray, " s"]
+) -> Bool[np.ndarray, " s"]:
+    """True where two terms act on one piece of a fragment, by the fractions of it."""
+    return (first > 0) & (second > 0) & (first + second > _MAX_SIDE_BY_SIDE)
+
+
 @dataclass(frozen=True, eq=False)
 class BodySurface:
     """The surface fragments of one body at its present pose."""

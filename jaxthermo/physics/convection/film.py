@@ -155,20 +155,25 @@ class AbstractFilmLaw(AbstractFluxLaw):
     """Heat flux h (T_inf - T_s) with an h that depends on the surface's temperature."""
 
     @abc.abstractmethod
-    def _at(self, time, theta) -> FilmState: ...
+    def state(self, time, theta) -> FilmState:
+        """Difference and coefficient at surface temperatures above the reference."""
+
+    @override
+    @abc.abstractmethod
+    def coarsened(self, mean: Callable[[Array], Array]) -> "AbstractFilmLaw": ...
 
     @override
     def flux(self, time, theta) -> Float[Array, "*#m"]:
-        state = self._at(time, theta)
+        state = self.state(time, theta)
         return state.h * state.difference
 
     @override
     def heat_transfer_coefficient(self, time, theta) -> Float[Array, "*#m"]:
-        return self._at(time, theta).h
+        return self.state(time, theta).h
 
     @override
     def slope(self, time, theta) -> Float[Array, "*#m"]:
-        state = self._at(time, theta)
+        state = self.state(time, theta)
         return state.h - state.difference * state.dh
 
 
@@ -182,7 +187,7 @@ class FilmExchange(AbstractFilmLaw):
     reference: Any = 0.0
 
     @override
-    def _at(self, time, theta) -> FilmState:
+    def state(self, time, theta) -> FilmState:
         air = value_at(self.temperature, time)
         x, per_kelvin = film_argument(air + self.reference + theta)
         h, slope = horner(value_at(self.coefficients, time), x)

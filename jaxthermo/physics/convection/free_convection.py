@@ -15,8 +15,7 @@ within 40 degrees of the vertical, z, is a plate of its height, one beyond 50 de
 horizontal one of its diameter; between them the factors pass smoothly from one to the
 other.
 
-`Wind` and `FreeConvection` on one body would add their heat fluxes, although the
-stronger of the two mechanisms determines h nearly alone.
+Where `Wind` acts too, the cubes of both coefficients add up (`mixed_convection`).
 """
 
 from collections.abc import Callable
@@ -106,7 +105,7 @@ class _FreeExchange(AbstractFilmLaw):
     reference: Any = 0.0
 
     @override
-    def _at(self, time, theta) -> FilmState:
+    def state(self, time, theta) -> FilmState:
         ambient = value_at(self.temperature, time)
         below = (ambient - self.reference) - theta
         x, per_kelvin = film_argument(ambient + self.reference + theta)

@@ -114,7 +114,7 @@ class _AbstractShapeExchange(AbstractFilmLaw):
         """Bound of h on all cells where the difference is at most `apart` [K]."""
 
     @override
-    def _at(self, time, theta) -> FilmState:
+    def state(self, time, theta) -> FilmState:
         ambient = value_at(self.temperature, time)
         below = (ambient - self.reference) - theta
 

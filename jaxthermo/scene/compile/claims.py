@@ -3,16 +3,22 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
-from ...physics.surface import Binding, Surface
+from ...physics.surface import Binding, Surface, overlap
 from ...physics.term import AbstractSurfaceTerm
 
 
-# Largest sum of the fractions of a fragment that two terms select side by side, which
-# have the areas of the mesh and not of the fragment.
-_MAX_CLAIM = 1.25
+def acting_fraction(
+    term: AbstractSurfaceTerm, surface: Surface, is_acting: Bool[np.ndarray, " s"]
+) -> Float[np.ndarray, " s"]:
+    """Fraction of each fragment that a term acts on."""
+    fractions = [
+        np.broadcast_to(np.asarray(term.acting_fraction(body), float), body.area.shape)
+        for body in surface.bodies
+    ]
+    return np.concatenate(fractions) * is_acting
 
 
 def claimed_fragments(
@@ -34,12 +40,8 @@ def claimed_fragments(
     claimed = np.full(len(surface.body), -1)
     total = np.zeros(len(surface.body))
     for number, is_acting in acting.items():
-        fractions = [
-            np.broadcast_to(terms[number].acting_fraction(body), body.area.shape)
-            for body in surface.bodies
-        ]
-        fraction = np.concatenate(fractions) * is_acting
-        conflict = (total > 0) & (total + fraction > _MAX_CLAIM)
+        fraction = acting_fraction(terms[number], surface, is_acting)
+        conflict = overlap(total, fraction)
         if conflict.any():
             raise InputError(
                 f"terms[{claimed[conflict].max()}] and terms[{number}] both {verb} a "

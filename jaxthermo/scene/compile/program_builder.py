@@ -6,7 +6,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int, Shaped
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from ...arrays import consecutive, device_array, typed_array
 from ...network.group_order import GroupOrder
@@ -15,6 +15,7 @@ from ...network.segment_sums import sums_of_lists
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import Joint
 from ...physics.convection.enclosed_air import AirExchange, EnclosedAir
+from ...physics.convection.mixed_convection import mixed
 from ...physics.flux_law import bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -23,12 +24,14 @@ from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.term import (
     AbstractExchangeTerm,
     AbstractPairTerm,
+    AbstractSurfaceTerm,
     AbstractVolumeTerm,
 )
 from ...physics.time_varying import breakpoints, changes_unseen, for_jit
 from ..scene import Scene, mechanism_names
 from .bodies import PreparedGroup
 from .body_program import BodyProgram, Members, VolumeLoad
+from .claims import acting_fraction
 from .contacts import PairKey
 from .groups import BodyGroup, fragment_order
 from .linear_load import linear_programs
@@ -157,6 +160,17 @@ class ProgramBuilder:
         # Cells must be the same at all snapshots: they go by where a term ever acts.
         return acting(self.snapshots)
 
+    @cached_property
+    def _fractions(self) -> list[Float[np.ndarray, " s"]]:
+        """Fraction of each fragment that each natural binding ever acts on."""
+        first = self.snapshots[0]
+        fractions = []
+        for (number, _), is_acting in zip(first.natural, self._acting, strict=False):
+            term = self.scene.terms[number]
+            assert isinstance(term, AbstractSurfaceTerm)
+            fractions.append(acting_fraction(term, first.surface, is_acting))
+        return fractions
+
     def programs(self) -> tuple[tuple[Program, ...], tuple[str, ...]]:
         """The program of each snapshot, all with arrays of the same shapes, and notes.
 
@@ -247,7 +261,7 @@ class ProgramBuilder:
         return SurfaceTerms(
             names=tuple(self._names.values()),
             half_cell=half_cell,
-            natural=numbered(snapshot.natural),
+            natural=numbered(mixed(snapshot.natural, self._fractions)),
             prescribed=numbered(snapshot.prescribed),
             radiating=numbered(snapshot.radiating),
         )
