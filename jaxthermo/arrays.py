@@ -342,17 +342,20 @@ def unique_rows(
     key = np.zeros(len(rows), np.int64)
     for column, lowest, count in zip(rows.T, low, counts, strict=True):
         key = key * count + (column - lowest)
-    first, number = numbered(key)
-    return rows[first], number
+    distinct_keys = numbered(key)
+    return rows[distinct_keys.first], distinct_keys.number
 
 
 class Numbered(NamedTuple):
     """Different numbers of an array, in their order."""
 
+    value: Int[np.ndarray, " k"]
     first: Int[np.ndarray, " k"]
     """Index at which each occurs first."""
     number: Int[np.ndarray, " n"]
     """Rank of each entry among them."""
+    order: Int[np.ndarray, " n"]
+    """Indices of the entries, sorted by their numbers; equal ones in their order."""
 
 
 def numbered(key: Int[np.ndarray, " n"]) -> Numbered:
@@ -362,7 +365,9 @@ def numbered(key: Int[np.ndarray, " n"]) -> Numbered:
     np.not_equal(ordered[1:], ordered[:-1], out=begins[1:])
     number = np.empty(len(key), np.intp)
     number[order] = np.cumsum(begins) - 1
-    return Numbered(order[begins], number)
+    return Numbered(
+        value=ordered[begins], first=order[begins], number=number, order=order
+    )
 
 
 LIST_ENTRY_COST = 10.0

@@ -8,8 +8,6 @@ import equinox as eqx
 import numpy as np
 from equinox import Module
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..arrays import linear_map, numbered, static_numbers
 from ..errors import InputError, require, shortened
@@ -233,7 +231,7 @@ def _count(number: int, singular: str, plural: str | None = None) -> str:
 
 
 @dataclass(frozen=True)
-class _Edges:
+class Edges:
     """Edge table of a mesh; half-edge `3 f + i` leaves corner i of face f."""
 
     start: Int[np.ndarray, "h"]
@@ -242,22 +240,50 @@ class _Edges:
     """Number of the undirected edge of each half-edge."""
     uses: Int[np.ndarray, "e"]
     """Half-edges along each edge: 2 on a closed surface."""
-    balance: Int[np.ndarray, "e"]
-    """Half-edges towards the higher vertex minus those towards the lower one."""
+    first: Int[np.ndarray, "e"]
+    """First half-edge of each edge."""
+    low: Int[np.ndarray, "e"]
+    """Vertex of each edge with the lower number; sorted, those of one by `high`."""
+    high: Int[np.ndarray, "e"]
+    order: Int[np.ndarray, "h"]
+    """Half-edges, sorted by their edges."""
+
+    @property
+    def balance(self) -> Int[np.ndarray, "e"]:
+        """Half-edges towards the higher vertex minus those towards the lower one."""
+        upward = np.where(self.start < self.end, 1.0, -1.0)
+        sums = np.bincount(self.edge, weights=upward, minlength=len(self.uses))
+        return sums.astype(np.int64)
+
+    @property
+    def pairs(self) -> Int[np.ndarray, "p 2"]:
+        """Both half-edges of the edges that have two."""
+        return self.order[np.repeat(self.uses == 2, self.uses)].reshape(-1, 2)
+
+    def joins(self, ends: Int[np.ndarray, "p 2"]) -> Bool[np.ndarray, " p"]:
+        """Flag pairs of vertices that an edge joins."""
+        width = int(max(self.high.max(initial=0), ends.max(initial=0))) + 1
+        key = self.low * width + self.high
+        return np.isin(ends.min(axis=1) * width + ends.max(axis=1), key)
 
 
-def edges_of(faces: Int[np.ndarray, "f 3"]) -> _Edges:
+def edges_of(faces: Int[np.ndarray, "f 3"]) -> Edges:
     """Build the edge table of a mesh."""
-    start = faces.reshape(-1).astype(np.int64)
-    end = np.roll(faces, -1, axis=1).reshape(-1).astype(np.int64)
+    start = faces.reshape(-1).astype(np.int64, copy=False)
+    end = np.roll(faces, -1, axis=1).reshape(-1).astype(np.int64, copy=False)
     # One integer per edge, which sorts faster than rows of two.
-    width = int(faces.max(initial=0)) + 1
-    key = np.minimum(start, end) * width + np.maximum(start, end)
-    first, edge = numbered(key)
-    uses = np.bincount(edge, minlength=len(first))
-    upward = np.where(start < end, 1.0, -1.0)
-    balance = np.bincount(edge, weights=upward, minlength=len(uses)).astype(np.int64)
-    return _Edges(start=start, end=end, edge=edge, uses=uses, balance=balance)
+    bits = int(faces.max(initial=0)).bit_length()
+    edges = numbered(np.minimum(start, end) << bits | np.maximum(start, end))
+    return Edges(
+        start=start,
+        end=end,
+        edge=edges.number,
+        uses=np.bincount(edges.number, minlength=len(edges.first)),
+        first=edges.first,
+        low=edges.value >> bits,
+        high=edges.value & ((1 << bits) - 1),
+        order=edges.order,
+    )
 
 
 def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
@@ -266,8 +292,7 @@ def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
         return np.zeros(0, np.int64)
     edges = edges_of(faces)
     # All faces along an edge link to the first one there: a star is enough.
-    _, first = np.unique(edges.edge, return_index=True)
-    links = np.stack([np.arange(len(edges.edge)), first[edges.edge]], 1) // 3
+    links = np.stack([np.arange(len(edges.edge)), edges.first[edges.edge]], 1) // 3
     roots = connected_labels(len(faces), links)
     _, labels = np.unique(roots, return_inverse=True)
     return labels.astype(np.int64)
@@ -277,16 +302,28 @@ def connected_labels(
     count: int, links: Int[np.ndarray, "l 2"]
 ) -> Int[np.ndarray, "count"]:
     """Label each node of a graph with the lowest node of its connected part."""
-    # Truth values, since a link may occur often: sums of its numbers could wrap to 0.
-    linked = np.ones(len(links), bool)
-    graph = coo_array((linked, tuple(links.T)), shape=(count, count))
-    _, component = connected_components(graph, directed=False)
-    _, lowest_node = np.unique(component, return_index=True)
-    return lowest_node[component]
+    label = np.arange(count)
+    start, end = links.T
+    while True:
+        first = label[start]
+        second = label[end]
+        apart = np.flatnonzero(first != second)
+        if not len(apart):
+            return label
+        start = start[apart]
+        end = end[apart]
+        first = first[apart]
+        second = second[apart]
+        # A part joins one of a lower label: of two parts at least one does.
+        label[np.maximum(first, second)] = np.minimum(first, second)
+        following = label[label]
+        while (following != label).any():
+            label = following
+            following = label[label]
 
 
 def is_closed(
-    edges: _Edges, labels: Int[np.ndarray, "f"], count: int
+    edges: Edges, labels: Int[np.ndarray, "f"], count: int
 ) -> Bool[np.ndarray, "parts"]:
     """Flag the parts in which every edge is used equally often in both directions."""
     open_edge = edges.balance[edges.edge] != 0

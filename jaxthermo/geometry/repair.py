@@ -120,9 +120,7 @@ def _consistent_winding(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]
     # that agree. The two components of a part are its two windings, so one labelling
     # solves all parts. Where they coincide (a Moebius band) the part stays as it is.
     edges = edges_of(faces)
-    order = np.argsort(edges.edge, kind="stable")
-    # Half-edges along the edges that have exactly two.
-    pairs = order[edges.uses[edges.edge[order]] == 2].reshape(-1, 2)
+    pairs = edges.pairs
     differ = edges.start[pairs[:, 0]] == edges.start[pairs[:, 1]]
     if not differ.any():
         return faces

@@ -48,6 +48,13 @@ def row_dot(
     return np.einsum("...i,...i->...", a, b)
 
 
+def row_length(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Length of each row, as by `np.linalg.norm`."""
+    # Which is slow along so short an axis.
+    x, y, z = vectors.T
+    return np.sqrt(x * x + y * y + z * z)
+
+
 def tangents(
     normal: Float[np.ndarray, "n 3"],
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:

@@ -153,7 +153,7 @@ def sheet_cells(
         vertex_node=vertex_node,
         border=float(np.linalg.norm(border[:, 1] - border[:, 0], axis=1).sum()),
         partitions=float(np.linalg.norm(joined[:, 1] - joined[:, 0], axis=1).sum()),
-        open_seams=open_seams(surface.vertices, surface.faces, _SEAM * size),
+        open_seams=open_seams(surface, _SEAM * size),
         welded=welded,
     )
 

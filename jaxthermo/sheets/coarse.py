@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..arrays import unique_rows
 from ..geometry.mesh import edges_of
-from ..geometry.vectors import row_dot, triangle_normals
+from ..geometry.vectors import row_dot, row_length, triangle_normals
 from .borders import obtuse_feet
 from .node_complex import NodeComplex
 from .partition import node_positions, with_border_nodes
@@ -127,11 +127,10 @@ def _coarse_surface(surface: Surface, node: Int[np.ndarray, " v"]) -> CoarseSurf
     second = np.full(count, -1)
     second[narrow.node] = count + np.arange(len(narrow.node))
     vertex = np.where(narrow.is_second, second[node], node)
-    corners = vertex[surface.faces]
+    proper = np.flatnonzero(proper_faces(vertex[surface.faces]))
     # Rings are joined by lines, see `_chain_weights`: a triangle has half their width.
-    at_ring = is_ring[node[surface.faces]].any(1)
-    proper = np.flatnonzero(proper_faces(corners) & ~at_ring)
-    corners = corners[proper]
+    proper = proper[~is_ring[node[surface.faces[proper]]].any(axis=1)]
+    corners = vertex[surface.faces[proper]]
     # The lowest corner first: both sides of a flattened tube stay.
     turn = (corners.argmin(1)[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(corners, turn, axis=1)
@@ -192,9 +191,7 @@ def _unfolded(
         if not folded.any():
             break
         edges = edges_of(triangles)
-        order = np.argsort(edges.edge, kind="stable")
-        pairs = order[edges.uses[edges.edge[order]] == 2].reshape(-1, 2)
-        pairs = np.concatenate([pairs, pairs[:, ::-1]])
+        pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
         pairs = pairs[folded[pairs[:, 0] // 3]]
         own = pairs[:, 0] // 3
         neighbour = pairs[:, 1] // 3
@@ -209,9 +206,10 @@ def _unfolded(
         mean = normal[own] + normal[neighbour]
         for new in (first, second):
             valid &= row_dot(triangle_normals(position[new]), mean) > 0
-        valid &= ~_are_edges(triangles, np.stack([c, d], axis=1))
-        # Each triangle is flipped once in a round.
         candidates = np.flatnonzero(valid)
+        ends = np.stack([c[candidates], d[candidates]], axis=1)
+        candidates = candidates[~edges.joins(ends)]
+        # Each triangle is flipped once in a round.
         for triangle in (own, neighbour):
             _, earliest = np.unique(triangle[candidates], return_index=True)
             candidates = candidates[np.sort(earliest)]
@@ -222,16 +220,6 @@ def _unfolded(
         triangles[own[candidates]] = first[candidates]
         triangles[neighbour[candidates]] = second[candidates]
     return triangles
-
-
-def _are_edges(
-    triangles: Int[np.ndarray, "t 3"], pairs: Int[np.ndarray, "p 2"]
-) -> Bool[np.ndarray, " p"]:
-    width = int(triangles.max(initial=0)) + 1
-    ordered = np.sort(triangles, axis=1)
-    keys = [ordered[:, i] * width + ordered[:, j] for i, j in ((0, 1), (0, 2), (1, 2))]
-    pairs = np.sort(pairs, axis=1)
-    return np.isin(pairs[:, 0] * width + pairs[:, 1], np.concatenate(keys))
 
 
 def surface_links(
@@ -275,7 +263,12 @@ def _chain_weights(
     angles to their distance l, over l, is the conductance between them.
     """
     count = int(node.max()) + 1
-    corners = node[surface.faces]
+    first, second, third = node[surface.faces.T]
+    is_mixed = ((first != second) | (second != third)) & (surface.part == part)
+    mixed = np.flatnonzero(is_mixed)
+    faces = surface.faces[mixed]
+    normal = surface.normal[mixed]
+    corners = node[faces]
     joined = np.sort(coarse.node[coarse.triangles[coarse.part == part]], axis=1)
     known = np.concatenate(
         [joined[:, i] * count + joined[:, j] for i, j in ((0, 1), (0, 2), (1, 2))]
@@ -286,13 +279,12 @@ def _chain_weights(
     for apex in range(3):
         base = (apex + 1) % 3
         last = (apex + 2) % 3
-        alone = (corners[:, base] == corners[:, last]) & (surface.part == part)
-        alone &= corners[:, apex] != corners[:, base]
-        faces = surface.faces[alone]
-        along = surface.vertices[faces[:, last]] - surface.vertices[faces[:, base]]
+        alone = np.flatnonzero(corners[:, base] == corners[:, last])
+        end = surface.vertices.take(faces[alone, last], axis=0)
+        along = end - surface.vertices.take(faces[alone, base], axis=0)
         sources.append(corners[alone, apex])
         targets.append(corners[alone, base])
-        lines.append(np.cross(along, surface.normal[alone]) / 2)
+        lines.append(np.cross(along, normal[alone]) / 2)
     source = np.concatenate(sources)
     target = np.concatenate(targets)
     line = np.concatenate(lines)
@@ -302,7 +294,7 @@ def _chain_weights(
     key, entry = np.unique(key[alone], return_inverse=True)
     line = line[alone]
     across = summed_rows(entry, line, len(key))
-    length = np.bincount(entry, np.linalg.norm(line, axis=1), len(key))
+    length = np.bincount(entry, row_length(line), len(key))
     src = key // count
     dst = key % count
     position = coarse.node_position

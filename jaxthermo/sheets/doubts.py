@@ -43,9 +43,7 @@ def _curvature(grid: SheetGrid) -> Float[np.ndarray, " n"]:
     cells = grid.cells
     normal = unit_vectors(triangle_normals(cells.vertices[cells.faces]))
     edges = edges_of(cells.faces)
-    order = np.argsort(edges.edge, kind="stable")
-    # Half-edges of the edges between two faces, in pairs.
-    paired = order[edges.uses[edges.edge[order]] == 2].reshape(-1, 2)
+    paired = edges.pairs
     faces = paired // 3
     # Faces of opposite winding may meet.
     cosine = np.abs(row_dot(normal[faces[:, 0]], normal[faces[:, 1]]))

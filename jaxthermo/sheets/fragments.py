@@ -43,9 +43,10 @@ def surface_fragments(
     # Thirds of one face of the mesh have one normal: these are compared.
     origins = int(surface.origin.max()) + 1
     key = (corner_node * origins + surface.origin[:, None]).ravel()
-    first_corner, entry = numbered(key)
-    triangle = first_corner // 3
-    node = key[first_corner] // origins
+    entries = numbered(key)
+    entry = entries.number
+    triangle = entries.first // 3
+    node = entries.value // origins
     part = surface.part[triangle]
     group = _similar_normals(node * parts + part, surface.normal[triangle])
     # Numbered in the order of their nodes.
@@ -60,16 +61,15 @@ def surface_fragments(
     total = np.bincount(fragment, area, count)
     # A face that welding has collapsed may have no third with an area.
     weight = np.where(total[fragment] > 0, area, 1.0)
-    thirds = surface.thirds.reshape(-1, 3)
-    normal = np.repeat(surface.normal, 3, axis=0)
     weights = np.bincount(fragment, weight, count)
-    moment = summed_rows(fragment, weight[:, None] * thirds, count)
+    moment = summed_rows(fragment, surface.thirds.reshape(-1, 3), count, weight)
+    normal = summed_rows(fragment, np.repeat(surface.normal, 3, axis=0), count, weight)
     group_part = np.zeros(count, np.int64)
     group_part[rank[group]] = part
     return SheetFragments(
         node=group_node[order],
         position=moment / weights[:, None],
-        normal=unit_vectors(summed_rows(fragment, weight[:, None] * normal, count)),
+        normal=unit_vectors(normal),
         area=total,
         part=group_part,
         of_corner=fragment.reshape(-1, 3),
@@ -89,11 +89,13 @@ def _similar_normals(
     groups = 0
     waiting = np.arange(len(key))
     while len(waiting):
-        _, first, number = np.unique(
-            key[waiting], return_index=True, return_inverse=True
-        )
+        leaders = numbered(key[waiting])
+        first = leaders.first
+        number = leaders.number
         leader = waiting[first][number]
-        similar = row_dot(normal[waiting], normal[leader]) >= _MAX_SPREAD
+        similar = (
+            row_dot(normal.take(waiting, 0), normal.take(leader, 0)) >= _MAX_SPREAD
+        )
         # The leader itself, whatever rounding does to its length.
         similar |= leader == waiting
         group[waiting[similar]] = groups + number[similar]

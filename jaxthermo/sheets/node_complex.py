@@ -74,46 +74,44 @@ class NodeComplex:
         return np.bincount(self.node, self.surface.vertex_volume, self.count)
 
     @cached_property
-    def _corners(self) -> Int[np.ndarray, "t 3"]:
+    def _corners(self) -> Int[np.ndarray, "3 t"]:
         """Nodes of each triangle."""
-        return self.node[self.surface.faces[self.surface.is_proper]]
+        return self.node[self.surface.proper.T]
 
     @cached_property
-    def _ends(self) -> Int[np.ndarray, "e 2"]:
+    def _ends(self) -> Int[np.ndarray, "2 e"]:
         """Nodes of each edge of the surface."""
-        return self.node[self.surface.joined_vertices]
+        return self.node[self.surface.joined_vertices.T]
 
     @cached_property
     def characteristic(self) -> Int[np.ndarray, " n"]:
         """Euler characteristic of each node: 1 of a disc, 0 of an annulus."""
-        return self._characteristic(np.ones(self.count, bool))
-
-    def _characteristic(
-        self, is_counted: Bool[np.ndarray, " n"]
-    ) -> Int[np.ndarray, " n"]:
-        """Euler characteristic of some nodes; 0 of the others."""
-        counted = is_counted[self.node]
-        start, end = self.surface.joined_vertices.T
-        joined = counted[start]
-        start = self.node[start[joined]]
-        edges = np.bincount(
-            start[start == self.node[end[joined]]], minlength=self.count
-        )
-        faces = self.surface.faces[self.surface.is_proper]
-        first, second, third = self.node[faces[counted[faces[:, 0]]]].T
-        whole = first[(first == second) & (second == third)]
-        triangles = np.bincount(whole, minlength=self.count)
-        return np.bincount(self.node[counted], minlength=self.count) - edges + triangles
+        start, end = self._ends
+        first, second, third = self._corners
+        within = np.flatnonzero(start == end)
+        whole = np.flatnonzero((first == second) & (second == third))
+        vertices = np.bincount(self.node, minlength=self.count)
+        edges = np.bincount(start[within], minlength=self.count)
+        triangles = np.bincount(first[whole], minlength=self.count)
+        return vertices - edges + triangles
 
     @cached_property
     def _mixed(self) -> Int[np.ndarray, "t 3"]:
         """Nodes of the triangles with more than one, sorted."""
-        first, second, third = self._corners.T
-        return np.sort(self._corners[(first != second) | (second != third)], axis=1)
+        first, second, third = self._corners
+        is_mixed = np.flatnonzero((first != second) | (second != third))
+        corners = self._corners.take(is_mixed, axis=1)
+        low = corners.min(axis=0)
+        high = corners.max(axis=0)
+        # Contiguous by columns, which are read one by one.
+        return np.stack([low, corners.sum(axis=0) - low - high, high]).T
 
     @cached_property
     def _pair_terms(self) -> _Terms:
-        start, end = self._ends[self._ends[:, 0] != self._ends[:, 1]].T
+        start, end = self._ends
+        across = np.flatnonzero(start != end)
+        start = start[across]
+        end = end[across]
         key = np.minimum(start, end) * self.count + np.maximum(start, end)
         key, edges = np.unique(key, return_counts=True)
         is_filled = (self._mixed[:, 1:] == self._mixed[:, :-1]).any(axis=1)
@@ -200,7 +198,7 @@ class NodeComplex:
     def closed(self) -> Bool[np.ndarray, " n"]:
         """Flag nodes that close around a tube."""
         has_turned = self.ratio(np.arange(self.count)[:, None]) < CLOSED
-        return has_turned & (self._characteristic(has_turned) == 0)
+        return has_turned & (self.characteristic == 0)
 
     def pieces(self, nodes: set[int]) -> list[set[int]]:
         """Connected pieces of some nodes."""

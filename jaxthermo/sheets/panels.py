@@ -7,10 +7,8 @@ is flattest is that of the plate.
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from ..geometry.mesh import edges_of
+from ..geometry.mesh import connected_labels, edges_of
 from ..geometry.vectors import row_dot, unit_vectors
 from ..memo.found import found
 from ..voxels.body_shape import Plate, Plates, plate_across
@@ -46,10 +44,9 @@ def _without_creases(
     """Number of the part without a crease that each triangle belongs to."""
     count = len(faces)
     edges = edges_of(faces)
-    # Directed edges of one undirected edge, one after the other.
-    order = np.argsort(edges.edge, kind="stable")
-    triangle = order // 3
-    same = np.flatnonzero(np.diff(edges.edge[order]) == 0)
+    triangle = edges.order // 3
+    # Neighbours along an edge, whatever their number.
+    same = np.flatnonzero(np.diff(edges.edge[edges.order]) == 0)
     first = triangle[same]
     second = triangle[same + 1]
     corners = vertices[faces]
@@ -58,9 +55,7 @@ def _without_creases(
     )
     # Neighbours of any orientation: a mesh need not be consistently oriented.
     smooth = np.abs(row_dot(normal[first], normal[second])) > _CREASE
-    ends = first[smooth], second[smooth]
-    graph = coo_array((np.ones(len(ends[0]), bool), ends), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    return connected_labels(count, np.stack([first[smooth], second[smooth]], axis=1))
 
 
 def _plate(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"]) -> Plate:

@@ -2,10 +2,9 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..arrays import numbered, rank_in_group, sorted_union, unique_rows
+from ..geometry.mesh import connected_labels
 from ..geometry.vectors import row_dot
 from .rings import joined_rings
 from .surface import Surface, summed_rows
@@ -72,13 +71,11 @@ def _connected(
     within = label[start] == label[end]
     if among is not None:
         within &= among[start]
-    ends = (start[within], end[within])
-    graph = coo_array((np.ones(len(ends[0]), bool), ends), shape=(count, count))
-    _, part = connected_components(graph, directed=False)
-    node = part.astype(np.int64)
-    if among is None:
-        return node
-    return numbered(np.where(among, count + node, label)).number
+    lowest = connected_labels(count, np.stack([start[within], end[within]]).T)
+    if among is not None:
+        return numbered(np.where(among, count + lowest, label)).number
+    number = np.cumsum(lowest == np.arange(count)) - 1
+    return number[lowest]
 
 
 def _without_small(
@@ -96,8 +93,9 @@ def _without_small(
     # Once: a strip at a plate, narrower than a cell, would be joined node by node.
     count = int(node.max()) + 1
     area = np.bincount(node, surface.vertex_area, count)
-    start, end = surface.neighbours.T
-    if among is not None:
+    if among is None:
+        start, end = surface.edges_across(node)
+    else:
         start, end = surface.edges_from(np.flatnonzero(among))
     start = node[start]
     end = node[end]
@@ -174,13 +172,14 @@ def _nearest(
 ) -> Int[np.ndarray, " v"]:
     """Move vertices to the nearest node that a neighbour belongs to."""
     node = node.copy()
-    start, end = surface.neighbours.T
+    start, end = surface.edges_across(node)
     for _ in range(_SWEEPS):
         across = np.flatnonzero(node[start] != node[end])
         vertex = start[across]
         offered = node[end[across]]
-        offers = _distances(surface.vertices[vertex], position[offered])
-        present = _distances(surface.vertices[vertex], position[node[vertex]])
+        points = surface.vertices.take(vertex, axis=0)
+        offers = _distances(points, position.take(offered, axis=0))
+        present = _distances(points, position.take(node[vertex], axis=0))
         # The nearest offer of each vertex is written last, of equal ones the first.
         nearer = np.flatnonzero(offers < (1 - 1e-9) * present)[::-1]
         nearer = nearer[np.argsort(-offers[nearer], kind="stable")]

@@ -11,7 +11,7 @@ from typing_extensions import override
 from wadler_lindig import TextDoc
 
 from ..geometry.mesh import Mesh
-from ..geometry.vectors import triangle_normals, unit_vectors
+from ..geometry.vectors import row_length, triangle_normals, unit_vectors
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.fragment_pieces import FragmentPieces
 from ..voxels.lattice import Lattice
@@ -238,20 +238,25 @@ class SheetGrid(AbstractGrid):
     def thirds(self) -> SheetThirds:
         """Thirds of the triangles of the cells."""
         cells = self.cells
-        position = corner_thirds(cells.vertices[cells.faces]).reshape(-1, 3)
+        position = corner_thirds(cells.vertices, cells.faces).reshape(-1, 3)
         return SheetThirds(position=position, area=np.repeat(cells.face_area / 3, 3))
 
     @cached_property
     def fragment_reach(self) -> float:
         """Largest distance of a point of the surface from its fragment [m]."""
-        corners = self.cells.vertices[self.cells.faces]
-        centroid = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
-        # A third is convex: one of its corners is the farthest point.
-        following = (corners + corners[:, [1, 2, 0]]) / 2
-        preceding = (corners + corners[:, [2, 0, 1]]) / 2
-        ends = np.stack([corners, following, centroid, preceding])
-        position = self.cells.fragments.position[self.cells.fragments.of_corner]
-        return float(np.linalg.norm(ends - position, axis=-1).max())
+        cells = self.cells
+        corners = [cells.vertices.take(vertex, axis=0) for vertex in cells.faces.T]
+        centroid = (corners[0] + corners[1] + corners[2]) / 3
+        reach = 0.0
+        for number, fragment in enumerate(cells.fragments.of_corner.T):
+            position = cells.fragments.position.take(fragment, axis=0)
+            corner = corners[number]
+            following = (corner + corners[(number + 1) % 3]) / 2
+            preceding = (corner + corners[(number + 2) % 3]) / 2
+            # A third is convex: one of its corners is the farthest point.
+            for point in (corner, following, centroid, preceding):
+                reach = max(reach, float(row_length(point - position).max()))
+        return reach
 
     @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:

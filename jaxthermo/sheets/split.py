@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..arrays import rank_in_group, sorted_union
-from ..geometry.mesh import edges_of
+from ..geometry.mesh import Edges, edges_of
 from ..geometry.refine import cut_faces
+from ..geometry.vectors import row_length
 
 
 class SplitMesh(NamedTuple):
@@ -33,46 +34,45 @@ def split_long_edges(
     origin = np.arange(len(faces))
     while True:
         edges = edges_of(faces)
-        along = vertices[edges.end] - vertices[edges.start]
-        length = np.linalg.norm(along, axis=1).reshape(-1, 3)
-        # Of equal edges the same one in both triangles at it.
-        preference = length * (1 + 1e-9 * (edges.edge % 997).reshape(-1, 3) / 997)
-        side = np.arange(len(faces)) * 3 + preference.argmax(1)
-        cut = sorted_union(edges.edge[side[length.min(1) > longest]])
-        if not len(cut):
+        corners = vertices.take(faces, axis=0)
+        along = np.roll(corners, -1, axis=1) - corners
+        length = row_length(along.reshape(-1, 3)).reshape(-1, 3)
+        # Column by column: numpy is slow along an axis of length three.
+        is_wide = np.minimum.reduce(list(length.T)) > longest
+        if not is_wide.any():
             break
+        # Of equal edges the same one in both triangles at it.
+        edge = edges.edge.reshape(-1, 3)[is_wide]
+        preference = length[is_wide] * (1 + 1e-9 * (edge % 997) / 997)
+        cut = sorted_union(edge[np.arange(len(edge)), preference.argmax(1)])
         middle = np.full(len(edges.uses), -1)
         middle[cut] = len(vertices) + np.arange(len(cut))
-        half_edge = np.zeros(len(edges.uses), np.int64)
-        half_edge[edges.edge] = np.arange(len(edges.edge))
-        ends = (
-            vertices[edges.start[half_edge[cut]]] + vertices[edges.end[half_edge[cut]]]
-        )
+        ends = vertices[edges.low[cut]] + vertices[edges.high[cut]]
         vertices = np.concatenate([vertices, ends / 2])
         faces, origin = cut_faces(faces, middle[edges.edge].reshape(-1, 3), origin)
-    sliced = _sliced(vertices, faces, longest)
+    sliced = _sliced(vertices, faces=faces, edges=edges, longest=longest)
     return sliced._replace(origin=origin[sliced.origin])
 
 
 def _sliced(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"], longest: float
+    vertices: Float[np.ndarray, "v 3"],
+    *,
+    faces: Int[np.ndarray, "t 3"],
+    edges: Edges,
+    longest: float,
 ) -> SplitMesh:
     """Divide edges into equal pieces, and triangles along their two longest edges."""
-    edges = edges_of(faces)
-    half_edge = np.zeros(len(edges.uses), np.int64)
-    half_edge[edges.edge] = np.arange(len(edges.edge))
-    low = np.minimum(edges.start[half_edge], edges.end[half_edge])
-    high = np.maximum(edges.start[half_edge], edges.end[half_edge])
-    along = vertices[high] - vertices[low]
-    length = np.linalg.norm(along, axis=1)
+    low = vertices.take(edges.low, axis=0)
+    along = vertices.take(edges.high, axis=0) - low
+    length = row_length(along)
     # Half as long as elsewhere: a strip has no vertices but those on its borders.
     slices = np.ceil(2 * length / longest).astype(np.int64)
     pieces = np.where(length > (1 + 1e-9) * longest, slices, 1)
     first_point = len(vertices) + np.cumsum(pieces - 1) - (pieces - 1)
     edge = np.repeat(np.arange(len(pieces)), pieces - 1)
     fraction = (rank_in_group(edge) + 1) / pieces[edge]
-    points = vertices[low[edge]] + fraction[:, None] * along[edge]
-    is_long = (pieces[edges.edge].reshape(-1, 3) > 1).any(1)
+    points = low[edge] + fraction[:, None] * along[edge]
+    is_long = np.logical_or.reduce(list((pieces > 1)[edges.edge].reshape(-1, 3).T))
     long_face = np.flatnonzero(is_long)
     # From the corner opposite to the shortest edge, which stays.
     sides = edges.edge.reshape(-1, 3)[long_face]
@@ -122,41 +122,28 @@ def _zipped(
     first: _Chain, second: _Chain
 ) -> tuple[Int[np.ndarray, "u 3"], Int[np.ndarray, " u"]]:
     """Triangles between two edges that start in one corner, and their triangle."""
-    count = len(first.pieces)
-    triangle = np.concatenate(
-        [
-            np.repeat(np.arange(count), first.pieces),
-            np.repeat(np.arange(count), second.pieces),
-        ]
-    )
-    is_first = np.arange(len(triangle)) < first.pieces.sum()
-    # rank_in_group needs equal groups side by side, as in each half.
-    step = np.concatenate(
-        [rank_in_group(triangle[is_first]), rank_in_group(triangle[~is_first])]
-    )
-    pieces = np.where(is_first, first.pieces[triangle], second.pieces[triangle])
-    # The first steps of both edges come first: they make the triangle at the corner.
-    progress = np.where(step == 0, 0.0, (step + 1) / pieces)
-    order = np.lexsort([~is_first, progress, triangle])
-    triangle = triangle[order]
-    is_first = is_first[order]
-    step = step[order]
-    # Steps that the other edge has made before.
-    opposite = rank_in_group(triangle) - step
-    i = np.where(is_first, step, opposite)
-    j = np.where(is_first, opposite, step)
-    corners = np.stack(
-        [
-            first.point(triangle, i),
-            np.where(
-                is_first,
-                first.point(triangle, np.minimum(i + 1, first.pieces[triangle])),
-                second.point(triangle, np.minimum(j + 1, second.pieces[triangle])),
-            ),
-            second.point(triangle, j),
-        ],
-        axis=1,
-    )
-    # The first step leaves the corner that both start from.
-    proper = i + j > 0
-    return corners[proper], triangle[proper]
+    count = first.pieces + second.pieces - 1
+    before = np.cumsum(count) - count
+    triangle = np.repeat(np.arange(len(count)), count)
+    corners = np.empty((len(triangle), 3), np.int64)
+    # A step comes after those of the other edge that end nearer to the corner, as parts
+    # of their edges; the first steps of both edges make one triangle, at the corner.
+    face = np.repeat(np.arange(len(count)), first.pieces)
+    i = rank_in_group(face)
+    face = face[i > 0]
+    i = i[i > 0]
+    nearer = -(-(i + 1) * second.pieces[face] // first.pieces[face]) - 1
+    j = np.maximum(nearer, 1)
+    row = before[face] + i + j - 1
+    corners[row, 0] = first.point(face, i)
+    corners[row, 1] = first.point(face, i + 1)
+    corners[row, 2] = second.point(face, j)
+    face = np.repeat(np.arange(len(count)), second.pieces)
+    j = rank_in_group(face)
+    nearer = (j + 1) * first.pieces[face] // second.pieces[face]
+    i = np.where(j > 0, np.maximum(nearer, 1), 1)
+    row = before[face] + i + j - 1
+    corners[row, 0] = first.point(face, i)
+    corners[row, 1] = second.point(face, j + 1)
+    corners[row, 2] = second.point(face, j)
+    return corners, triangle

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from ..arrays import rank_in_group
-from ..geometry.vectors import row_dot
+from ..geometry.vectors import row_dot, row_length
 from .node_complex import NodeComplex
 from .surface import Surface, summed_rows
 
@@ -109,7 +109,7 @@ def _middles(surface: Surface, node: Int[np.ndarray, " v"], arcs: _Arcs) -> _Sid
     square = row_dot(along, along)
     fraction = np.clip(row_dot(offset, along) / np.where(square > 0, square, 1), 0, 1)
     point = start + fraction[:, None] * along
-    miss = np.linalg.norm(offset - fraction[:, None] * along, axis=1)
+    miss = row_length(offset - fraction[:, None] * along)
     order = np.lexsort([miss, arc])
     order = order[np.diff(arc[order], prepend=-1) != 0]
     points = np.zeros((len(arcs.node), 3))
@@ -161,21 +161,28 @@ def _nearest_anchor(
     surface: Surface, node: Int[np.ndarray, " v"], anchors: Int[np.ndarray, " a"]
 ) -> Int[np.ndarray, " v"]:
     """Nearest of some vertices in the same node, along edges; negative for none."""
-    start, end = surface.neighbours.T
     has_anchor = np.zeros(int(node.max()) + 1, bool)
     has_anchor[node[anchors]] = True
-    within = (node[start] == node[end]) & has_anchor[node[start]]
+    member = np.flatnonzero(has_anchor[node])
+    start, end = surface.edges_from(member)
+    within = node[start] == node[end]
     start = start[within]
     end = end[within]
-    length = np.linalg.norm(surface.vertices[start] - surface.vertices[end], axis=1)
+    length = row_length(surface.vertices[start] - surface.vertices[end])
     # Zeros are no edges to scipy.
     length += 1e-9 * length.max(initial=1e-300)
-    graph = csr_array((length, (start, end)), shape=(len(node), len(node)))
-    _, _, nearest = dijkstra(
+    # Of these nodes alone, since a search begins with all vertices of a graph.
+    rank = np.full(len(node), -1)
+    rank[member] = np.arange(len(member))
+    ends = (rank[start], rank[end])
+    graph = csr_array((length, ends), shape=(len(member), len(member)))
+    _, _, source = dijkstra(
         graph,
         directed=False,
-        indices=anchors,
+        indices=rank[anchors],
         min_only=True,
         return_predecessors=True,
     )
+    nearest = np.full(len(node), -1)
+    nearest[member] = np.where(source >= 0, member[source], -1)
     return nearest

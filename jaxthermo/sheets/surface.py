@@ -37,7 +37,12 @@ class Surface:
     @cached_property
     def edges(self) -> Any:
         """Half-edges of the proper faces, as by `edges_of`."""
-        return edges_of(self.faces[self.is_proper])
+        return edges_of(self.proper)
+
+    @cached_property
+    def proper(self) -> Int[np.ndarray, "p 3"]:
+        """Vertices of the proper faces."""
+        return self.faces[self.is_proper]
 
     @cached_property
     def is_proper(self) -> Bool[np.ndarray, " t"]:
@@ -45,20 +50,10 @@ class Surface:
         return proper_faces(self.faces)
 
     @cached_property
-    def _first_sides(self) -> Int[np.ndarray, " e"]:
-        """First half-edge of each edge."""
-        first = np.empty(len(self.edges.uses), np.int64)
-        # Written from the last to the first: the first stays.
-        first[self.edges.edge[::-1]] = np.arange(len(self.edges.edge))[::-1]
-        return first
-
-    @cached_property
     def joined_vertices(self) -> Int[np.ndarray, "e 2"]:
         """Pairs of vertices that an edge joins, the lower one first; sorted."""
-        start = self.edges.start[self._first_sides]
-        end = self.edges.end[self._first_sides]
         # Contiguous by columns, which are read one by one.
-        return np.stack([np.minimum(start, end), np.maximum(start, end)]).T
+        return np.stack([self.edges.low, self.edges.high]).T
 
     @cached_property
     def _joined(self) -> csr_array:
@@ -69,12 +64,18 @@ class Surface:
         is_joined = np.ones(len(ends[0]), bool)
         return csr_array((is_joined, ends), shape=(count, count))
 
-    @cached_property
-    def neighbours(self) -> Int[np.ndarray, "e 2"]:
-        """Pairs of vertices that an edge joins, in both orders; sorted."""
-        degree = np.diff(self._joined.indptr)
-        start = np.repeat(np.arange(len(self.vertices)), degree)
-        return np.stack([start, self._joined.indices]).T
+    def edges_across(
+        self, label: Int[np.ndarray, " v"]
+    ) -> tuple[Int[np.ndarray, " e"], Int[np.ndarray, " e"]]:
+        """Ends of the edges between two labels, in both orders.
+
+        Those of one start are sorted by their end.
+        """
+        low, high = self.joined_vertices.T
+        is_across = np.flatnonzero(label[low] != label[high])
+        low = low[is_across]
+        high = high[is_across]
+        return np.concatenate([high, low]), np.concatenate([low, high])
 
     def edges_from(
         self, vertices: Int[np.ndarray, " m"]
@@ -89,63 +90,79 @@ class Surface:
     @cached_property
     def vertex_area(self) -> Float[np.ndarray, " v"]:
         """A third of the area of the triangles at each vertex [m^2]."""
-        corners = self.faces.ravel()
-        return np.bincount(corners, np.repeat(self.area / 3, 3), len(self.vertices))
+        return self._corner_sums(self.area / 3)
 
     @cached_property
     def vertex_vector(self) -> Float[np.ndarray, "v 3"]:
         """A third of the area vectors of the triangles at each vertex [m^2]."""
-        third = self.area[:, None] / 3 * self.normal
-        corners = self.faces.ravel()
-        return summed_rows(corners, np.repeat(third, 3, axis=0), len(self.vertices))
+        third = self.area / 3
+        return np.stack(
+            [self._corner_sums(third * column) for column in self.normal.T], axis=1
+        )
 
     @cached_property
     def vertex_volume(self) -> Float[np.ndarray, " v"]:
         """A third of area times height over the origin of the triangles there [m^3]."""
         on_plane = self.vertices[self.faces[:, 0]]
-        third = row_dot(on_plane, self.normal) * self.area / 3
-        return np.bincount(self.faces.ravel(), np.repeat(third, 3), len(self.vertices))
+        return self._corner_sums(row_dot(on_plane, self.normal) * self.area / 3)
+
+    def _corner_sums(self, values: Float[np.ndarray, " t"]) -> Float[np.ndarray, " v"]:
+        """Sum of the values of the triangles at each vertex."""
+        return np.bincount(self.faces.ravel(), np.repeat(values, 3), len(self.vertices))
 
     @cached_property
     def thirds(self) -> Float[np.ndarray, "t 3 3"]:
         """Centroids of the thirds of the triangles nearest to their corners [m]."""
-        return corner_thirds(self.vertices[self.faces])
+        return corner_thirds(self.vertices, self.faces)
 
     @cached_property
     def vertex_moment(self) -> Float[np.ndarray, "v 3"]:
         """Sum of area times centroid of the thirds at each vertex [m^3]."""
-        moment = np.repeat(self.area / 3, 3)[:, None] * self.thirds.reshape(-1, 3)
-        return summed_rows(self.faces.ravel(), moment, len(self.vertices))
+        return summed_rows(
+            self.faces.ravel(),
+            self.thirds.reshape(-1, 3),
+            len(self.vertices),
+            weight=np.repeat(self.area / 3, 3),
+        )
+
+    @cached_property
+    def border_sides(self) -> Int[np.ndarray, " b"]:
+        """Half-edges of the free border."""
+        return np.flatnonzero(self.edges.uses[self.edges.edge] == 1)
 
     @cached_property
     def border(self) -> Int[np.ndarray, "b 2"]:
         """Ends of the edges of the free border."""
-        alone = self.edges.uses[self.edges.edge] == 1
-        return np.stack([self.edges.start[alone], self.edges.end[alone]], axis=1)
+        sides = self.border_sides
+        return np.stack([self.edges.start[sides], self.edges.end[sides]], axis=1)
 
     @cached_property
     def partition_edges(self) -> Int[np.ndarray, "k 2"]:
         """Ends of the edges of three, five, .. faces, one of each edge's sides."""
         edges = self.edges
-        first = self._first_sides[(edges.uses % 2 == 1) & (edges.uses > 1)]
+        first = edges.first[(edges.uses % 2 == 1) & (edges.uses > 1)]
         return np.stack([edges.start[first], edges.end[first]], axis=1)
 
     @cached_property
     def creases(self) -> Int[np.ndarray, "c 2"]:
         """Ends of the edges of creases, of branches and between parts."""
         edges = self.edges
-        last = np.empty(len(edges.uses), np.int64)
-        last[edges.edge] = np.arange(len(edges.edge))
-        pairs = np.stack([self._first_sides, last], axis=1)[edges.uses == 2]
+        pairs = edges.pairs
+        triangle = np.flatnonzero(self.is_proper).take(pairs // 3)
+        # Pieces of one face of the mesh are in one plane.
+        origin = self.origin.take(triangle)
+        is_between = np.flatnonzero(origin[:, 0] != origin[:, 1])
+        pairs = pairs[is_between]
+        triangle = triangle[is_between]
         # Faces of opposite winding run along their edge in the same direction.
         winding = np.where(
             edges.start[pairs[:, 0]] == edges.start[pairs[:, 1]], -1.0, 1.0
         )
-        normal = self.normal[self.is_proper][pairs // 3]
+        normal = self.normal[triangle]
         cosine = winding * row_dot(normal[:, 0], normal[:, 1])
-        part = self.part[self.is_proper][pairs // 3]
+        part = self.part[triangle]
         sharp = (cosine < SHARP_TURN) | (part[:, 0] != part[:, 1])
-        crease = np.concatenate([pairs[sharp, 0], self._first_sides[edges.uses > 2]])
+        crease = np.concatenate([pairs[sharp, 0], edges.first[edges.uses > 2]])
         ends = np.stack([edges.start[crease], edges.end[crease]], axis=1)
         return ends[ends[:, 0] != ends[:, 1]]
 
@@ -171,21 +188,34 @@ class Surface:
         return (uses > 0) & ((uses != 2) | turns)
 
 
-def corner_thirds(triangles: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 3 3"]:
+def corner_thirds(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"]
+) -> Float[np.ndarray, "t 3 3"]:
     """Centroids of the thirds of triangles that are nearest to their corners [m]."""
-    centroid = triangles.mean(axis=1, keepdims=True)
-    return (5 * triangles + 7 * centroid) / 12
+    # Contiguous by coordinates, which are summed one by one.
+    thirds = np.empty((3, len(faces), 3))
+    for axis, column in enumerate(vertices.T):
+        corner = column.take(faces)
+        centroid = (corner[:, 0] + corner[:, 1] + corner[:, 2]) / 3
+        np.multiply(corner, 5, out=thirds[axis])
+        thirds[axis] += 7 * centroid[:, None]
+        thirds[axis] /= 12
+    return np.moveaxis(thirds, 0, 2)
 
 
 def proper_faces(faces: Int[np.ndarray, "t 3"]) -> Bool[np.ndarray, " t"]:
     """Flag faces with three different corners."""
-    return (faces != np.roll(faces, 1, axis=1)).all(1)
+    first, second, third = faces.T
+    return (first != second) & (second != third) & (third != first)
 
 
 def summed_rows(
-    entry: Int[np.ndarray, " k"], rows: Float[np.ndarray, "k 3"], count: int
+    entry: Int[np.ndarray, " k"],
+    rows: Float[np.ndarray, "k 3"],
+    count: int,
+    weight: Float[np.ndarray, " k"] | float = 1.0,
 ) -> Float[np.ndarray, "n 3"]:
-    """Sums of the rows of each entry."""
-    sums = [np.bincount(entry, column, count) for column in rows.T]
+    """Sums of the rows of each entry, times their weights."""
+    sums = [np.bincount(entry, weight * column, count) for column in rows.T]
     # Counts of nothing are integers to numpy.
     return np.stack(sums, axis=1).astype(np.float64)

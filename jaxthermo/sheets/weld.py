@@ -5,6 +5,7 @@ Vertices closer than a tolerance become one, an edge on which a vertex lies is c
 an edge, with any winding.
 """
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,8 @@ from scipy.spatial import KDTree
 from ..arrays import unique_rows
 from ..geometry.mesh import Mesh, edges_of
 from ..geometry.refine import cut_faces
-from ..geometry.vectors import row_dot, triangle_normals
-from .surface import proper_faces
+from ..geometry.vectors import row_dot, row_length, triangle_normals
+from .surface import Surface
 
 
 DEFAULT_WELD = 1e-5
@@ -92,7 +93,7 @@ def shared_area(
         parent: face that each one is a piece of.
         area: areas of these faces [m^2], which welding may have changed.
     """
-    weight = np.linalg.norm(triangle_normals(vertices[faces]), axis=1)
+    weight = row_length(triangle_normals(vertices.take(faces, axis=0)))
     total = np.bincount(parent, weight, len(area))
     # A face that has collapsed into a line or a point: equal shares.
     weight = np.where(total[parent] > 0, weight, 1.0)
@@ -150,8 +151,7 @@ def _cut_at_vertices(
     clean = np.zeros((0, 2), np.int64)
     while True:
         edges = edges_of(faces)
-        _, first = np.unique(edges.edge, return_index=True)
-        ends = np.sort(np.stack([edges.start, edges.end], axis=1)[first], axis=1)
+        ends = np.stack([edges.low, edges.high], axis=1)
         middle = np.full(len(ends), -1)
         fresh = ~_is_in(ends, clean)
         middle[fresh] = _vertex_on_edges(
@@ -182,19 +182,20 @@ def _vertex_on_edges(
     """Vertex that lies on each edge, the nearest to its middle; -1 for none."""
     start = vertices[ends[:, 0]]
     along = vertices[ends[:, 1]] - start
-    length = np.linalg.norm(along, axis=1)
+    length = row_length(along)
     near = tree.query_ball_point(start + along / 2, length / 2 + tolerance)
     counts = np.array([len(n) for n in near], np.int64)
     edge = np.repeat(np.arange(len(ends)), counts)
-    vertex = np.array([v for n in near for v in n], np.int64)
-    offset = vertices[vertex] - start[edge]
+    vertex = np.fromiter(chain.from_iterable(near), np.int64, counts.sum())
+    offset = vertices.take(vertex, axis=0) - start.take(edge, axis=0)
     square = np.maximum(length[edge] ** 2, np.finfo(float).tiny)
-    fraction = row_dot(offset, along[edge]) / square
-    distance = np.linalg.norm(offset - fraction[:, None] * along[edge], axis=1)
+    edge_vector = along.take(edge, axis=0)
+    fraction = row_dot(offset, edge_vector) / square
+    distance = row_length(offset - fraction[:, None] * edge_vector)
     # Beyond the tolerance from both ends: nearer vertices were welded to them.
     inner = np.minimum(fraction, 1 - fraction) * length[edge]
     lies_on = (distance <= tolerance) & (inner > tolerance)
-    lies_on &= (ends[edge] != vertex[:, None]).all(1)
+    lies_on &= (ends[edge, 0] != vertex) & (ends[edge, 1] != vertex)
     edge = edge[lies_on]
     order = np.lexsort([np.abs(fraction[lies_on] - 0.5), edge])
     on_edge = np.full(len(ends), -1)
@@ -203,37 +204,30 @@ def _vertex_on_edges(
     return on_edge
 
 
-def open_seams(
-    vertices: Float[np.ndarray, "v 3"],
-    faces: Int[np.ndarray, "t 3"],
-    distance: float,
-) -> float:
+def open_seams(surface: Surface, distance: float) -> float:
     """Length of the free border that runs within a distance of another border [m].
 
     Borders of faces that share a vertex are no seam: a corner, or a thin strip.
     """
-    faces = faces[proper_faces(faces)]
-    edges = edges_of(faces)
-    border = np.flatnonzero(edges.uses[edges.edge] == 1)
-    start = vertices[edges.start[border]]
-    along = vertices[edges.end[border]] - start
-    length = np.linalg.norm(along, axis=1)
-    if not len(border):
+    if not len(surface.border):
         return 0.0
+    start = surface.vertices[surface.border[:, 0]]
+    along = surface.vertices[surface.border[:, 1]] - start
+    length = row_length(along)
     middle = start + along / 2
     pairs = KDTree(middle).query_pairs(
         length.max() / 2 + distance, output_type="ndarray"
     )
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
-    corners = faces[border // 3]
-    first = pairs[:, 0]
-    second = pairs[:, 1]
-    shared = corners[first][:, :, None] == corners[second][:, None]
-    pairs = pairs[~shared.any((1, 2))]
-    first = pairs[:, 0]
-    second = pairs[:, 1]
+    corners = surface.proper[surface.border_sides // 3]
+    first, second = pairs.T
+    is_shared = np.zeros(len(pairs), bool)
+    for corner in corners.T:
+        for other_corner in corners.T:
+            is_shared |= corner[first] == other_corner[second]
+    first, second = pairs[~is_shared].T
     offset = middle[first] - start[second]
     fraction = row_dot(offset, along[second]) / row_dot(along, along)[second]
     nearest = np.clip(fraction, 0, 1)[:, None] * along[second]
-    is_near = np.linalg.norm(offset - nearest, axis=1) <= distance
+    is_near = row_length(offset - nearest) <= distance
     return float(length[np.unique(first[is_near])].sum())

@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxthermo.geometry.mesh import edges_of
 from jaxthermo.sheets.partition import _SWEEPS, _nearest
-from jaxthermo.sheets.split import split_long_edges
+from jaxthermo.sheets.split import _Chain, _zipped, split_long_edges
 from jaxthermo.sheets.surface import Surface
 from tests.sheets import rotation, turned, uneven_strip
 
@@ -57,7 +57,6 @@ def test_neighbours_are_those_of_the_edges():
     surface = surface_of(uneven_strip(1.0, 0.5), 0.1)
     ends = np.stack([surface.edges.start, surface.edges.end], axis=1)
     both = np.unique(np.concatenate([ends, ends[:, ::-1]]), axis=0)
-    np.testing.assert_array_equal(surface.neighbours, both)
     np.testing.assert_array_equal(
         surface.joined_vertices, both[both[:, 0] < both[:, 1]]
     )
@@ -65,6 +64,46 @@ def test_neighbours_are_those_of_the_edges():
     assert set(start.tolist()) == {3, 7}
     expected = [both[both[:, 0] == vertex, 1] for vertex in (7, 3)]
     np.testing.assert_array_equal(end, np.concatenate(expected))
+    label = np.arange(len(surface.vertices)) % 3
+    start, end = surface.edges_across(label)
+    # Sorted by their starts, those of one start in their order.
+    order = np.argsort(start, kind="stable")
+    across = both[label[both[:, 0]] != label[both[:, 1]]]
+    np.testing.assert_array_equal(np.stack([start, end], axis=1)[order], across)
+
+
+def merged(first, second):
+    """Steps of two edges one by one, by where they end; those at the corner first."""
+    ends = [(0.0 if i == 0 else (i + 1) / first, 0, i) for i in range(first)]
+    ends += [(0.0 if j == 0 else (j + 1) / second, 1, j) for j in range(second)]
+    i = j = 0
+    rows = []
+    for _, edge, _ in sorted(ends):
+        if edge == 0 and i > 0:
+            rows.append([i, i + 1, 100 + j])
+        elif edge == 1:
+            rows.append([i, 101 + j, 100 + j])
+        i += edge == 0
+        j += edge == 1
+    return rows
+
+
+def test_triangles_between_two_edges_are_those_of_their_merged_steps():
+    pieces = np.array([[i, j] for i in range(1, 13) for j in range(1, 13)])
+    count = len(pieces)
+    chains = [
+        _Chain(
+            # The corner at both starts has a number for each edge.
+            start=np.full(count, first_point - 1),
+            end=first_point - 1 + number,
+            pieces=number,
+            first_point=np.full(count, first_point),
+        )
+        for first_point, number in zip((1, 101), pieces.T, strict=True)
+    ]
+    corners, triangle = _zipped(*chains)
+    for face, (first, second) in enumerate(pieces):
+        assert corners[triangle == face].tolist() == merged(first, second)
 
 
 def test_cut_borders_have_short_edges_and_no_gaps():
