@@ -20,7 +20,7 @@ from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import EXACT, array_namespace, namespace
+from ...arrays import EXACT, array_namespace, is_traced, namespace
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..time_varying import largest, smallest, value_at
 from .air import (
@@ -278,7 +278,13 @@ def _blocks(rows: Any) -> Iterator[Float[np.ndarray, "n k"]]:
 
 
 def _row_means(mean: Callable[[Array], Array], values: Float[Any, "*r s"]) -> Any:
-    """Means of an array's rows, of which `mean` takes one at a time."""
-    rows = [mean(row) for row in values.reshape(-1, values.shape[-1])]
-    stacked = namespace(rows).stack(rows)
-    return stacked.reshape(*values.shape[:-1], -1)
+    """Means of an array's rows."""
+    rows = values.reshape(-1, values.shape[-1])
+    if is_traced(values):
+        # Row by row a program of several bodies takes minutes to compile.
+        means = mean(rows)
+    else:
+        # All at once they take several times the memory of the table.
+        row_means = [mean(row) for row in rows]
+        means = namespace(row_means).stack(row_means)
+    return means.reshape(*values.shape[:-1], -1)

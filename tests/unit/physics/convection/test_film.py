@@ -199,3 +199,19 @@ def test_the_polynomial_goes_through_its_nodes():
     rows = film_polynomial(values)
     places = np.cos((np.arange(5) + 0.5) * np.pi / 5)
     assert_allclose(horner(rows, jnp.asarray(places))[0], values, rtol=1e-12)
+
+
+@pytest.mark.parametrize("speeds", [3, 25])
+def test_a_table_of_any_length_is_selected_by_one_operation(speeds):
+    values = np.random.default_rng(0).normal(size=(speeds, 5, 4))
+    table = speed_table(values, 8.0, lambda t: t)
+    cells = np.array([3, 0])
+
+    def select(rows):
+        law = FilmExchange(eqx.tree_at(lambda t: t.table, table, rows), 300.0)
+        return law.coarsened(lambda row: row[..., cells]).coefficients.table
+
+    # On the host row by row, in a program at once.
+    assert_allclose(select(table.table), table.table[..., cells], rtol=0)
+    assert_allclose(jax.jit(select)(table.table), table.table[..., cells], rtol=0)
+    assert len(jax.make_jaxpr(select)(table.table).eqns) < 12
