@@ -9,6 +9,7 @@ from jaxthermo.physics.occluder import Occluder
 from jaxthermo.physics.radiation.patches import PatchedBody, group_patches
 from jaxthermo.physics.radiation.source import AbstractSource
 from jaxthermo.physics.surface import Binding, BodySurface, Surface
+from jaxthermo.voxels.abstract_grid import AbstractGrid
 from jaxthermo.voxels.grid import VoxelGrid
 from tests.bodies import hollow
 
@@ -84,6 +85,6 @@ def heat_into(binding: Binding) -> np.ndarray:
     return area * np.asarray(binding.law.flux(jnp.zeros(()), jnp.zeros(len(area))))
 
 
-def in_patches(grid: VoxelGrid, max_patches: int, pose=STANDING) -> PatchedBody:
+def in_patches(grid: AbstractGrid, max_patches: int, pose=STANDING) -> PatchedBody:
     patches = group_patches(grid, area=grid.fragment_area, max_patches=max_patches)
     return PatchedBody.of_grid(grid, patches, pose)

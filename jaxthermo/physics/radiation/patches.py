@@ -36,6 +36,9 @@ _LINES_ACROSS_PATCH = 2.0
 # Distance below the surface at which its voxel is looked up, in voxels.
 _INWARD = 0.25
 
+# Edge of a cell that finds the patches of a thin wall, over the pitch.
+_CELL = 1 / 8
+
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
@@ -133,30 +136,47 @@ class _Patches:
 
 
 class ThinWall(NamedTuple):
-    """Thirds of the triangles of a thin wall's cells, with the patches of both sides.
+    """Patches of both sides of a thin wall, by cells of its faces.
 
-    Fragments are made of them, and reach over the borders of a lattice's cells.
+    A face with the corners a, b, c is divided along a - b and along a - c. A cell has
+    the patches of the fragment at its middle: fragments reach over the borders of a
+    lattice's cells.
     """
 
-    position: Float[np.ndarray, "n 3"]
-    """Centroids in the body's frame [m]."""
-    face: Int[np.ndarray, " n"]
-    """Face of the body that each is a piece of."""
+    corner: Float[np.ndarray, "f 3"]
+    """a of each face in the body's frame [m]."""
+    to_cells: Float[np.ndarray, "f 2 3"]
+    """From a way from a to numbers of cells along both edges [1/m]."""
+    count: Int[np.ndarray, "f 2"]
+    """Number of cells along both edges."""
+    first: Int[np.ndarray, " f"]
+    """First cell of each face; those along a - c follow each other."""
     patch: Int[np.ndarray, "2 n"]
-    """Patch of the front and of the back."""
+    """Patch of the front and of the back of each cell."""
     face_space: Int[np.ndarray, "f 2"]
     """Space in front of and behind each face."""
 
     @classmethod
     def of_grid(cls, grid: SheetGrid, patch: Int[np.ndarray, " s"]) -> "ThinWall":
-        """Thirds of a sheet, from the patch of each of its fragments."""
-        cells = grid.cells
-        fragment = cells.fragments.of_corner.ravel()
-        _, face = np.unique(cells.face_origin, return_inverse=True)
-        back = fragment + len(cells.fragments.area)
+        """Cells of a sheet's faces, from the patch of each of its fragments."""
+        triangles = grid.mesh.vertices[grid.mesh.faces[grid.traced_faces]]
+        edges = triangles[:, 1:] - triangles[:, :1]
+        length = np.linalg.norm(edges, axis=2)
+        count = np.ceil(length / (_CELL * grid.pitch)).astype(np.int64)
+        size = count.prod(axis=1)
+        first = np.cumsum(size) - size
+        face = np.repeat(np.arange(len(size)), size)
+        row, column = np.divmod(np.arange(len(face)) - first[face], count[face, 1])
+        middle = (np.stack([row, column], axis=1) + 0.5) / count[face]
+        points = triangles[face, 0] + np.einsum("ki,kij->kj", middle, edges[face])
+        third = _nearest_thirds(grid, points, face)
+        fragment = grid.cells.fragments.of_corner.ravel()[third]
+        back = fragment + len(grid.cells.fragments.area)
         return cls(
-            position=grid.thirds.position,
-            face=np.repeat(face.reshape(-1), 3),
+            corner=triangles[:, 0],
+            to_cells=count[:, :, None] * np.linalg.pinv(edges).swapaxes(1, 2),
+            count=count,
+            first=first,
             patch=np.stack([patch[fragment], patch[back]]),
             face_space=grid.face_space,
         )
@@ -165,16 +185,24 @@ class ThinWall(NamedTuple):
         self, points: Float[np.ndarray, "k 3"], face: Int[np.ndarray, " k"]
     ) -> Int[np.ndarray, "2 k"]:
         """Patches of points on faces of the body, at its front and at its back."""
-        # In a fourth dimension faces are farther apart than anything on one of them:
-        # leaves of a wall may be close to each other.
-        apart = 2 * float(np.linalg.norm(np.ptp(self.position, axis=0))) + 1.0
-        tree = found(
-            (self.position,),
-            "thirds by face",
-            lambda: KDTree(np.column_stack([self.position, apart * self.face])),
-        )
-        _, third = tree.query(np.column_stack([points, apart * face]))
-        return self.patch[:, third]
+        way = points - self.corner[face]
+        at = np.floor(np.einsum("kij,kj->ki", self.to_cells[face], way))
+        row, column = np.clip(at.astype(np.int64), 0, self.count[face] - 1).T
+        return self.patch[:, self.first[face] + row * self.count[face, 1] + column]
+
+
+def _nearest_thirds(
+    grid: SheetGrid, points: Float[np.ndarray, "k 3"], face: Int[np.ndarray, " k"]
+) -> Int[np.ndarray, " k"]:
+    """Nearest third of a triangle of a face's cells to each point on the face."""
+    position = grid.thirds.position
+    _, of_triangle = np.unique(grid.cells.face_origin, return_inverse=True)
+    # In a fourth dimension faces are farther apart than anything on one of them: leaves
+    # of a wall may be close to each other.
+    apart = 2 * float(np.linalg.norm(np.ptp(position, axis=0))) + 1.0
+    tree = KDTree(np.column_stack([position, np.repeat(apart * of_triangle, 3)]))
+    _, third = tree.query(np.column_stack([points, apart * face]))
+    return np.asarray(third)
 
 
 class PatchedBody(NamedTuple):

@@ -8,8 +8,11 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box
 from jaxthermo.geometry.vectors import triangle_normals, unit_vectors
 from jaxthermo.physics.radiation.patches import SolidPatches
+from jaxthermo.sheets.cells import sheet_cells
+from jaxthermo.sheets.sheet_grid import sheet_grid
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import in_patches, moved, shell
+from tests.sheets import rotation, turned, uneven_strip
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +83,41 @@ def test_where_no_fragment_is_the_nearest_patch_of_that_side(hollow):
     patch = patches_at(body, points, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
     assert (patches.code[patch] % 6 == [5, 4]).all()
     assert patches.centre[patch[0], 2] > 0.05 and patches.centre[patch[1], 2] < -0.05
+
+
+def test_points_on_needles_of_a_thin_wall_are_in_the_patch_of_the_nearest_third():
+    mesh = turned(uneven_strip(1.0, 0.4), rotation(1))
+    pitch = 0.05
+    grid = sheet_grid(mesh, sheet_cells(mesh, pitch=pitch))
+    body = in_patches(grid, 40)
+    random = np.random.default_rng(0)
+    # As many points everywhere, and some beyond the corners by rounding.
+    area = np.linalg.norm(mesh.area_vectors, axis=1)
+    face = random.choice(len(area), 4000, p=area / area.sum())
+    share = random.dirichlet(np.ones(3), len(face))
+    share[:10] = np.eye(3)[random.integers(0, 3, 10)] * (1 + 1e-12)
+    points = np.einsum("kc,kcd->kd", share, mesh.vertices[mesh.faces[face]])
+    assert body.wall is not None
+    patch = body.wall.patches_at(points, face)
+    thirds = grid.thirds.position
+    of_third = np.repeat(grid.cells.face_origin, 3)
+    gaps = np.linalg.norm(points[:, None] - thirds, axis=2)
+    gaps[face[:, None] != of_third] = np.inf
+    fragment = grid.cells.fragments.of_corner.ravel()
+    front = body.patches.patch[: len(grid.fragment_area) // 2][fragment]
+    nearest = front[gaps.argmin(axis=1)]
+    smallest = gaps.min(axis=1)
+    # Another one only where a third of it is as near but for the size of a cell.
+    differs = patch[0] != nearest
+    gaps[front != patch[0][:, None]] = np.inf
+    assert (gaps.min(axis=1) - smallest <= pitch / 8 * np.sqrt(2)).all()
+    assert differs.mean() < 0.05
+    # The patches have the areas of their fragments.
+    counted = np.bincount(patch[0], minlength=body.patches.count) / len(face)
+    expected = np.bincount(
+        body.patches.patch, grid.fragment_area, body.patches.count
+    ) * (counted > 0)
+    assert_allclose(counted, expected / expected.sum(), atol=0.01)
 
 
 def test_too_few_are_refused(hollow):
