@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np
-from equinox import Module
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import linear_map, numbered, static_numbers
 from ..errors import InputError, require, shortened
+from ..module import AbstractHostModule
 from .rotation import Turn, Way, shortest_way, way_by_angle
 from .vectors import unit_vector
 
@@ -375,7 +375,7 @@ _SAME_PLACE = 1e-6
 _SAME_TURN = 1e-9
 
 
-class Pose(Module):
+class Pose(AbstractHostModule):
     """Rigid placement of a body in the world: x -> rotation x + translation."""
 
     translation: tuple[float, float, float] = static_numbers((0.0, 0.0, 0.0))

@@ -46,6 +46,9 @@ class _Entry(NamedTuple):
 # dict is copied without hashing its keys, which may run Python, and the collector.
 _entries: dict[Hashable, _Entry] = {}
 
+_bytes_at_most = 0
+"""Size of all findings when they were last added up, and of those stored since."""
+
 
 def found(
     of: tuple[object, ...], by: Hashable, find: Callable[[], _T], search: str = ""
@@ -86,6 +89,7 @@ def found(
 
 
 def _store(key: Hashable, of: tuple[object, ...], value: Any) -> None:
+    global _bytes_at_most
     size = 0
     for leaf in _leaves(value):
         if isinstance(leaf, np.ndarray):
@@ -96,8 +100,12 @@ def _store(key: Hashable, of: tuple[object, ...], value: Any) -> None:
     # A method of the store: names of the module are gone where an interpreter ends.
     drop = partial(_entries.pop, key)
     _entries[key] = _Entry(value, size, tuple(weakref.ref(part, drop) for part in of))
-    while findings_size()[1] > MAX_BYTES:
-        _entries.pop(next(iter(_entries), None), None)
+    _bytes_at_most += size
+    # Added up only where the limit may be reached: findings are many.
+    while _bytes_at_most > MAX_BYTES:
+        _bytes_at_most = findings_size()[1]
+        if _bytes_at_most > MAX_BYTES:
+            _entries.pop(next(iter(_entries), None), None)
 
 
 @contextlib.contextmanager

@@ -26,8 +26,8 @@ class Occluder:
     """Objects that its shape follows from, compared by identity."""
     pose: Pose = Pose()
     """Pose of the first of its bodies."""
-    places: tuple[tuple, ...] = ()
-    """Places of its bodies in the frame of the first."""
+    places: bytes = b""
+    """Places of its bodies in the frame of the first, as numbers to compare."""
 
     @classmethod
     def of_triangles(cls, triangles: Float[np.ndarray, "f 3 3"]) -> "Occluder":
@@ -48,12 +48,13 @@ class Occluder:
             joined_triangles(triangles),
             shapes=grids,
             pose=first,
-            places=tuple(first.relative_key(pose, length) for pose in poses),
+            # One value, whose hash Python keeps: every body of the scene compares it.
+            places=repr([first.relative_key(pose, length) for pose in poses]).encode(),
         )
 
-    def place_from(self, pose: Pose, length: float) -> tuple[tuple, ...]:
+    def place_from(self, pose: Pose, length: float) -> tuple[tuple, bytes]:
         """Its place in the frame of a body at a pose, as numbers to compare."""
-        return (pose.relative_key(self.pose, length), *self.places)
+        return pose.relative_key(self.pose, length), self.places
 
 
 def joined_triangles(

@@ -7,6 +7,7 @@ from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import numpy as np
 from equinox import Module
 from jaxtyping import Bool, Float, Int
@@ -360,7 +361,9 @@ class Surface:
         return (binding, *omitted)
 
 
-def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:
+def spread(
+    values: Sequence[Any] | Float[Values, " b"], counts: Sequence[int], dtype: Any
+) -> Any:
     """Values of bodies at each of their cells; one number where all are equal."""
     # Bodies that count from one temperature need no array in the time loop.
     same = (
@@ -371,8 +374,10 @@ def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:
     if len(values) == 1:
         return typed_array(values[0], dtype)
     xp = namespace(values)
-    if not any(map(np.ndim, values)):
-        return stacked(values, dtype)[np.repeat(np.arange(len(values)), counts)]
+    is_array = isinstance(values, jax.Array)
+    if is_array or not any(map(np.ndim, values)):
+        of_bodies = values if is_array else stacked([*values], dtype)
+        return of_bodies[np.repeat(np.arange(len(values)), counts)]
     pairs = zip(values, counts, strict=True)
     return xp.concatenate([xp.broadcast_to(xp.asarray(v, dtype), n) for v, n in pairs])
 

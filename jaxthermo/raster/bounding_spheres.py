@@ -7,18 +7,50 @@ from jaxtyping import Bool, Float, Int
 
 from ..arrays import linear_map
 from ..memo.found import found
-from .views import OrthographicView
 
 
-# Rounding must not leave out a triangle that touches the image, in pixels.
-_MARGIN = 0.01
+# Triangles that share a sphere: most of a scene is left out by few comparisons.
+_RUN = 64
+
+
+class HalfSpaces(NamedTuple):
+    """Half spaces normal . x >= offset; an image shows what is in all of them."""
+
+    normal: Float[np.ndarray, "k 3"]
+    """Vectors of any length, out of the planes."""
+    offset: Float[np.ndarray, " k"]
+
+
+class _Spheres(NamedTuple):
+    centre: Float[np.ndarray, "n 3"]
+    """[m]"""
+    radius: Float[np.ndarray, " n"]
+    """[m]"""
+
+    @classmethod
+    def around(
+        cls, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> "_Spheres":
+        """Those through the corners of boxes [m]."""
+        return cls((low + high) / 2, np.linalg.norm(high - low, axis=1) / 2)
+
+    def some(self, numbers: Int[np.ndarray, " m"]) -> "_Spheres":
+        """Those of some numbers."""
+        return _Spheres(self.centre[numbers], self.radius[numbers])
+
+    def reach_into(self, spaces: HalfSpaces) -> Bool[np.ndarray, " n"]:
+        """Flags of spheres that have a part in each half space."""
+        above = linear_map(self.centre, spaces.normal.T) - spaces.offset
+        length = np.linalg.norm(spaces.normal, axis=1)
+        return (above >= -length * self.radius[:, None]).all(axis=1)
 
 
 class BoundingSpheres(NamedTuple):
-    """A sphere around each triangle."""
+    """A sphere around each triangle, and one around each run of triangles."""
 
-    centre: Float[np.ndarray, "f 3"]
-    radius: Float[np.ndarray, " f"]
+    triangles: _Spheres
+    runs: _Spheres
+    """A run has 64 triangles in their order: those of a body are close together."""
 
     @classmethod
     def of(cls, triangles: Float[np.ndarray, "f 3 3"]) -> "BoundingSpheres":
@@ -29,21 +61,15 @@ class BoundingSpheres(NamedTuple):
     def _around(cls, triangles: Float[np.ndarray, "f 3 3"]) -> "BoundingSpheres":
         low = triangles.min(axis=1)
         high = triangles.max(axis=1)
-        return cls((low + high) / 2, np.linalg.norm(high - low, axis=1) / 2)
-
-    def are_over(
-        self,
-        view: OrthographicView,
-        low: Int[np.ndarray, "2"],
-        high: Int[np.ndarray, "2"],
-    ) -> Bool[np.ndarray, " f"]:
-        """Flags of spheres over a rectangle of a view, (column, row)."""
-        in_image = linear_map(self.centre, view.frame[:2].T) - view.corner[:2]
-        column, row = in_image.T / view.pitch
-        reach = self.radius / view.pitch + _MARGIN
-        return (
-            (column + reach >= low[0])
-            & (column - reach <= high[0])
-            & (row + reach >= low[1])
-            & (row - reach <= high[1])
+        first = np.arange(0, len(triangles), _RUN)
+        runs = _Spheres.around(
+            np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
         )
+        return cls(triangles=_Spheres.around(low, high), runs=runs)
+
+    def reaching_into(self, spaces: HalfSpaces) -> Int[np.ndarray, " m"]:
+        """Numbers of triangles whose spheres have a part in each half space."""
+        run = np.flatnonzero(self.runs.reach_into(spaces))
+        number = (_RUN * run[:, None] + np.arange(_RUN)).reshape(-1)
+        number = number[number < len(self.triangles.radius)]
+        return number[self.triangles.some(number).reach_into(spaces)]

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from ..arrays import linear_map
 from ..geometry.vectors import unit_vector
+from .bounding_spheres import BoundingSpheres, HalfSpaces
 from .depth_buffer import nearest_depth
 from .fragments import DepthLayers, peel
 
@@ -20,6 +21,11 @@ def view_frame(direction: object) -> Float[np.ndarray, "3 3"]:
     right = unit_vector(np.cross(forward, helper))
     down = np.cross(forward, right)
     return np.stack([right, down, forward])
+
+
+# Corners are snapped to a pixel's fraction: that must not leave out a triangle which
+# touches the image, in pixels.
+_MARGIN = 0.01
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,18 @@ class OrthographicView:
     def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform world points [m] to (column, row, depth) in pixels."""
         return (linear_map(points, self.frame.T) - self.corner) / self.pitch
+
+    def half_spaces(
+        self, low: Int[np.ndarray, "2"], high: Int[np.ndarray, "2"]
+    ) -> HalfSpaces:
+        """The half spaces around a rectangle of the image, (column, row)."""
+        across = self.frame[:2]
+        first = self.corner[:2] + self.pitch * (low - _MARGIN)
+        last = self.corner[:2] + self.pitch * (high + _MARGIN)
+        return HalfSpaces(
+            normal=np.concatenate([across, -across]),
+            offset=np.concatenate([first, -last]),
+        )
 
     def peel(self, triangles: Float[np.ndarray, "f 3 3"]) -> DepthLayers:
         """Depth layers of world triangles [m] in this view."""
@@ -192,23 +210,31 @@ class PerspectiveView:
         depth = -1 / finite_key
         return np.where(hit, depth, np.inf)
 
-    def _within(self, triangles: np.ndarray) -> np.ndarray:
-        """Clip world triangles to the image with a margin of one pixel."""
+    @property
+    def half_spaces(self) -> HalfSpaces:
+        """The half spaces around the image, with a margin of one pixel."""
         right, down, forward = self.frame
         left, top = self.corner - self.pixel
         right_end = left + (self.width + 2) * self.pixel
         bottom = top + (self.height + 2) * self.pixel
-        planes = [
-            (forward, self.near),
-            (right - left * forward, 0.0),
-            (right_end * forward - right, 0.0),
-            (down - top * forward, 0.0),
-            (bottom * forward - down, 0.0),
-        ]
-        for normal, distance in planes:
-            offset = distance + self.eye @ normal
-            clipped = clip_half_space(triangles, normal=normal, offset=offset)
-            triangles = clipped.pieces
+        normal = np.stack(
+            [
+                forward,
+                right - left * forward,
+                right_end * forward - right,
+                down - top * forward,
+                bottom * forward - down,
+            ]
+        )
+        near = np.array([self.near, 0.0, 0.0, 0.0, 0.0])
+        return HalfSpaces(normal=normal, offset=near + normal @ self.eye)
+
+    def _within(self, triangles: np.ndarray) -> np.ndarray:
+        """Clip world triangles to the image with a margin of one pixel."""
+        spaces = self.half_spaces
+        triangles = triangles[BoundingSpheres.of(triangles).reaching_into(spaces)]
+        for normal, offset in zip(*spaces, strict=True):
+            triangles = clip_half_space(triangles, normal=normal, offset=offset).pieces
         return triangles
 
 

@@ -29,6 +29,7 @@ from ...arrays import (
     device_array,
     is_traced,
     namespace,
+    stacked,
     taken,
 )
 from ...constants import STEFAN_BOLTZMANN
@@ -148,13 +149,15 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
         zero = jnp.zeros((), surface.dtype)
         # The irradiation follows at every step from the enclosure.
-        law = _Irradiated(zero, jnp.asarray(_base(surface), surface.dtype))
+        base = _references(surface).mean()
+        law = _Irradiated(zero, jnp.asarray(base, surface.dtype))
         return (self._on_all(surface, [np.ones(n) for n in surface.counts], law),)
 
     @override
     def enclosure(self, surface: Surface) -> tuple["Enclosure", Sampling]:
         bodies = surface.bodies
-        base = _base(surface)
+        references = _references(surface)
+        base = references.mean()
         # Fragments in contact keep a trace of their area, so that no patch has area 0.
         areas = [np.maximum(b.area, 1e-6 * b.grid.fragment_area) for b in bodies]
         sampled = self._views(bodies, areas)
@@ -172,11 +175,7 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
             base=jnp.asarray(base, surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
             ground=None if ground is None else for_jit(ground, surface.dtype),
-            above=spread(
-                [reference - base for reference in surface.references],
-                surface.counts,
-                surface.dtype,
-            ),
+            above=spread(references - base, surface.counts, surface.dtype),
         )
         return enclosure, sampled.sampling
 
@@ -226,9 +225,14 @@ class _SampledViews(NamedTuple):
     """Patch of each fragment, bodies concatenated."""
 
 
-def _base(surface: Surface) -> Any:
-    """T_0, the mean of the bodies' references [K]."""
-    return sum(surface.references) / len(surface.references)
+def _references(surface: Surface) -> Float[Values, " b"]:
+    """References of the bodies, whose mean is T_0 [K].
+
+    One array: operations on each of them would be compiled again wherever they are
+    read.
+    """
+    is_known = not is_traced(surface.references)
+    return stacked(surface.references, float if is_known else surface.dtype)
 
 
 class Enclosure(Module):

@@ -167,14 +167,14 @@ def _window(
         task: what the window is a part of.
     """
     row, column = pixels_at(view, at)
-    is_over = BoundingSpheres.of(triangles).are_over(
-        view,
+    spaces = view.half_spaces(
         low=np.array([column.min(), row.min()]),
         high=np.array([column.max() + 1, row.max() + 1]),
     )
-    if not is_over.any():
+    over = BoundingSpheres.of(triangles).reaching_into(spaces)
+    if not len(over):
         return None
-    corners = view.project(triangles[is_over])
+    corners = view.project(triangles[over])
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
     points = np.flatnonzero(

@@ -83,6 +83,27 @@ def test_least_recently_used_findings_are_dropped(monkeypatch):
     assert findings_size()[1] <= 3000
 
 
+def test_findings_are_added_up_only_near_their_limit(monkeypatch):
+    """A search would take longer, the more was found before."""
+    monkeypatch.setattr(findings, "MAX_BYTES", 10_000)
+    monkeypatch.setattr(findings, "_bytes_at_most", 0)
+    counts = []
+
+    def counted():
+        counts.append(len(findings._entries))
+        return findings_size()
+
+    monkeypatch.setattr(findings, "findings_size", counted)
+    owner = _Owner()
+    for number in range(9):
+        found((owner,), number, lambda: np.zeros(125))
+    assert not counts
+    for number in range(9, 12):
+        found((owner,), number, lambda: np.zeros(125))
+    assert counts
+    assert findings_size() == (10, 10_000)
+
+
 def test_kept_arrays_cannot_be_written_to():
     owner = _Owner()
     array, *_ = found((owner,), "arrays", lambda: (np.zeros(3), "text"))

@@ -1,21 +1,73 @@
 """Triangles beside an image are left out, and no other ones."""
 
 import numpy as np
+import pytest
 
+from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.raster.bounding_spheres import BoundingSpheres
-from jaxthermo.raster.views import orthographic_view
+from jaxthermo.raster.depth_buffer import nearest_depth
+from jaxthermo.raster.views import (
+    clip_half_space,
+    orthographic_view,
+    perspective_views,
+)
+
+
+def _scattered(count: int) -> np.ndarray:
+    rng = np.random.default_rng(3)
+    centres = rng.uniform(-1, 1, (count, 1, 3))
+    return centres + rng.normal(0, 0.05, (count, 3, 3))
 
 
 def test_what_is_left_out_covers_no_pixel():
-    rng = np.random.default_rng(3)
-    centres = rng.uniform(-1, 1, (400, 1, 3))
-    triangles = centres + rng.normal(0, 0.05, (400, 3, 3))
+    triangles = _scattered(400)
     view = orthographic_view(triangles, (0.3, -0.4, 1.0), pitch=0.01)
     low = np.array([60, 80])
     high = np.array([110, 140])
-    is_over = BoundingSpheres.of(triangles).are_over(view, low=low, high=high)
-    assert 5 < is_over.sum() < 60
+    over = BoundingSpheres.of(triangles).reaching_into(view.half_spaces(low, high))
+    assert 5 < len(over) < 60
+    assert (np.diff(over) > 0).all()
     projected = view.project(triangles)[:, :, :2]
-    is_beside = (projected < low).all(axis=1) | (projected > high).all(axis=1)
-    assert not is_over[is_beside.any(axis=-1)].all()
-    np.testing.assert_array_equal(is_over | is_beside.any(axis=-1), True)
+    is_left = (projected < low).all(axis=1) | (projected > high).all(axis=1)
+    beside = np.flatnonzero(is_left.any(axis=-1))
+    left_out = np.setdiff1d(np.arange(len(triangles)), over)
+    assert len(np.intersect1d(beside, over)) < len(over)
+    assert np.isin(left_out, beside).all()
+
+
+def test_a_run_of_triangles_has_the_sphere_of_all_of_them():
+    """Spheres of runs leave out nothing that those of the triangles keep."""
+    triangles = np.concatenate([_scattered(150), sphere(0.3, 3).triangles])
+    view = orthographic_view(triangles, (1.0, 0.2, 0.4), pitch=0.02)
+    spheres = BoundingSpheres.of(triangles)
+    for low in np.random.default_rng(5).integers(0, 80, (20, 2)):
+        spaces = view.half_spaces(low, low + 15)
+        kept = np.flatnonzero(spheres.triangles.reach_into(spaces))
+        np.testing.assert_array_equal(spheres.reaching_into(spaces), kept)
+
+
+@pytest.mark.parametrize("eye", [(0.0, 0.0, 3.0), (0.9, 0.2, 0.3)])
+def test_a_perspective_view_is_that_of_all_triangles(eye):
+    """Bit for bit: what is left out was clipped away."""
+    triangles = np.concatenate(
+        [_scattered(300), sphere(0.5, 3).triangles, box((8.0, 8.0, 8.0)).triangles]
+    )
+    points = sphere(0.6, 2).vertices
+    for view, _ in perspective_views(np.array(eye), points, size=0.02):
+        clipped = triangles
+        for normal, offset in zip(*view.half_spaces, strict=True):
+            clipped = clip_half_space(clipped, normal=normal, offset=offset).pieces
+        corners = view.project(clipped)
+        corners[..., 2] = -1 / corners[..., 2]
+        key = nearest_depth(corners, width=view.width, height=view.height)
+        assert np.isfinite(key).any()
+        np.testing.assert_array_equal(
+            view.nearest(triangles), np.where(np.isfinite(key), -1 / key, np.inf)
+        )
+
+
+def test_no_triangles_have_no_spheres():
+    view = orthographic_view(_scattered(5), (0.0, 0.0, 1.0), pitch=0.1)
+    spheres = BoundingSpheres.of(np.zeros((0, 3, 3)))
+    over = spheres.reaching_into(view.half_spaces(np.array([0, 0]), np.array([4, 4])))
+    assert over.shape == (0,)
