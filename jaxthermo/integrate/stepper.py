@@ -74,16 +74,22 @@ class LoopArguments(NamedTuple):
 
 
 _FEW_VALUES = 2**16
-"""Size of a state that the caches of a core hold: copying it costs less than compiling
-a step several times."""
+"""Cells of a lattice that the caches of a core hold: copying a state of them costs less
+than compiling a step several times."""
+
+_STEP_OF_A_NODE = 4
+"""Time that a step takes for a node with links, over that for a cell of a lattice: as
+much larger is the state whose copies are as little of a step."""
 
 
 def is_copied_fast(theta: State) -> bool:
     """Return True if a loop should copy temperatures, not take two steps a turn."""
     # On a GPU every copy is one more kernel, however small it is.
     on_host = jax.default_backend() == "cpu"
-    count = sum(values.size for values in jax.tree.leaves(theta))
-    return on_host and count <= _FEW_VALUES
+    leaves = jax.tree.leaves(theta)
+    lattices = sum(values.size for values in leaves if values.ndim > 1)
+    nodes = sum(values.size for values in leaves if values.ndim == 1)
+    return on_host and lattices + nodes / _STEP_OF_A_NODE <= _FEW_VALUES
 
 
 # What XLA starts as one graph on a GPU. Its own choice lacks WHILE: the host would then
