@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ...arrays import consecutive
 from ...errors import InputError
 from ...geometry.mesh import joined, winding_number
 from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
@@ -33,10 +34,15 @@ class VisiblePoints(NamedTuple):
         self, surfaces: tuple[SolvedSurface, ...]
     ) -> Iterator[tuple[BodyGeometry, Any]]:
         """Geometry of each body, with the index of its points among all points."""
-        for number, surface in enumerate(surfaces):
-            # Without a copy where there is only one.
-            single = len(surfaces) == 1
-            yield surface.geometry, slice(None) if single else self.body == number
+        if len(surfaces) == 1:
+            # Without a copy.
+            yield surfaces[0].geometry, slice(None)
+            return
+        # Sorted once: a mask for each body would pass over all pixels each time.
+        order = np.argsort(self.body, kind="stable")
+        counts = np.bincount(self.body, minlength=len(surfaces))
+        for surface, points in zip(surfaces, consecutive(counts.tolist()), strict=True):
+            yield surface.geometry, order[points]
 
 
 class WorldMesh(NamedTuple):
