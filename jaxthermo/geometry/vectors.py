@@ -26,6 +26,15 @@ def unit_vector(
     return vector / length
 
 
+def cross_product(
+    first: Float[np.ndarray, "3"], second: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "3"]:
+    """The product of two vectors; `np.cross` takes many times as long for only two."""
+    a, b, c = first.tolist()
+    x, y, z = second.tolist()
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
 def unit_vectors(vectors: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k"]:
     """Scale the vectors on the last axis to length one; those of length zero stay."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)

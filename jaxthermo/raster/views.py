@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..arrays import linear_map
-from ..geometry.vectors import unit_vector
+from ..geometry.vectors import cross_product, unit_vector
 from .bounding_spheres import BoundingSpheres, HalfSpaces
 from .depth_buffer import nearest_depth
 from .fragments import DepthLayers, peel
@@ -18,8 +18,8 @@ def view_frame(direction: object) -> Float[np.ndarray, "3 3"]:
     forward = unit_vector(direction)
     # The axis least parallel to the view gives the most accurate cross product.
     helper = np.eye(3)[int(np.argmin(np.abs(forward)))]
-    right = unit_vector(np.cross(forward, helper))
-    down = np.cross(forward, right)
+    right = unit_vector(cross_product(forward, helper))
+    down = cross_product(forward, right)
     return np.stack([right, down, forward])
 
 

@@ -1,6 +1,9 @@
 """Exchange among many bodies: one sparse matrix, from lines that all bodies share."""
 
+from dataclasses import replace
+
 import jax
+import jax.core
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ from scipy.sparse import csr_array, diags_array
 
 import jaxthermo as jt
 from jaxthermo import host_memory
+from jaxthermo.arrays import rows_of, rows_remembered
 from jaxthermo.errors import LongComputation
 from jaxthermo.physics.radiation import sampling_cost, transfer, view_factors
 from jaxthermo.physics.radiation.global_lines import bundles_of, sample_all_directions
@@ -17,6 +21,9 @@ from jaxthermo.physics.radiation.patches import shares_of_patches
 from jaxthermo.physics.radiation.sampling_cost import SamplingCost
 from jaxthermo.physics.radiation.view_factors import ViewFactors, refined_view_factors
 from jaxthermo.reference.view_factor import parallel_rectangles
+from jaxthermo.scene.compile.bodies import prepare
+from jaxthermo.scene.compile.groups import body_groups
+from jaxthermo.scene.compile.snapshots import take_snapshots
 from tests.radiating import in_patches, moved, room
 from tests.slopes import check_gradient
 
@@ -45,6 +52,45 @@ def irradiation(views, emissivity, emitted):
         dtype=np.dtype(float),
     )
     return exchanged.between.irradiation(emitted), exchanged.around[:, 0]
+
+
+def _sums_of_references(count: int) -> int:
+    """Additions and subtractions in an exchange of cubes of traced temperatures."""
+    material = jt.Material(15.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
+    cube = jt.FullVolume(jt.voxelize(jt.shapes.box((0.2, 0.2, 0.2)), 0.1))
+    term = jt.RadiativeExchange(280.0, directions=8, max_patches=6)
+    scene = jt.Scene(
+        tuple(
+            jt.Body(cube, material, temperature=290.0, pose=jt.Pose((n, 0.0, 0.0)))
+            for n in range(count)
+        ),
+        (term,),
+        dtype="float64",
+    )
+    prepared = tuple(
+        prepare(n, group, np.dtype(float)) for n, group in enumerate(body_groups(scene))
+    )
+    (snapshot,) = take_snapshots(
+        scene, prepared, starts=(0.0,), end=1.0, temperatures=None, prune=True
+    )
+
+    def bind(kelvin):
+        surface = replace(snapshot.surface, references=tuple(rows_of(kelvin)))
+        enclosure, _ = term.enclosure(surface)
+        assert_array_equal(enclosure.above.shape, sum(surface.counts))
+        return enclosure.base, enclosure.above
+
+    with rows_remembered():
+        closed = jax.make_jaxpr(bind)(jnp.linspace(280.0, 300.0, count))
+    known = jax.core.eval_jaxpr(closed.jaxpr, closed.consts, jnp.linspace(2, 4, count))
+    assert float(known[0]) == pytest.approx(3.0)
+    assert_allclose(np.asarray(known[1])[[0, -1]], [-1.0, 1.0], rtol=1e-12)
+    names = [equation.primitive.name for equation in closed.jaxpr.eqns]
+    return names.count("add") + names.count("sub")
+
+
+def test_operations_on_references_are_as_many_for_more_bodies():
+    assert _sums_of_references(3) == _sums_of_references(6)
 
 
 @pytest.mark.parametrize("emissivity", [1.0, 0.7, 0.02])

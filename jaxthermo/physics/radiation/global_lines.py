@@ -200,6 +200,7 @@ def sample_all_directions(
         pixel = bundle.spacing(directions)
         weight = 2 / half * pixel * pixel
         waiting: list[Segments] = []
+        waiting_lines = 0
         extent = float(np.linalg.norm(np.ptp(bundle.points, axis=0)))
         # Several views of a small scene at once: each call has a cost of its own. A
         # view of a part of the scene is one of its own, which ends at its borders.
@@ -208,10 +209,15 @@ def sample_all_directions(
         at_once = max(1, min(_MAX_VIEWS, at_once)) if len(bundles) == 1 else 1
         views = displaced_views(bundle.points, ahead, pixel)
         for segments in _segments(scene, views, at_once):
-            waiting.append(_of_bundle(segments, of_patch, bundle))
-            if sum(len(lines.start) for lines in waiting) > _MAX_WAITING:
+            # A single bundle counts all lines.
+            if len(bundles) > 1:
+                segments = _of_bundle(segments, of_patch, bundle)
+            waiting.append(segments)
+            waiting_lines += len(segments.start)
+            if waiting_lines > _MAX_WAITING:
                 totals = _added(totals, waiting, weight)
                 waiting = []
+                waiting_lines = 0
         totals = _added(totals, waiting, weight)
     return totals
 

@@ -37,8 +37,10 @@ class LineScene(NamedTuple):
     solids: SolidPatches
     of_face: Int[np.ndarray, " f"]
     """Patch of each face that lies in one patch; -1 for others."""
-    has_rooms: bool
-    """True if closed cavities of solids have patches of their own."""
+    walls: tuple[int, ...]
+    """Numbers of the bodies that are thin walls."""
+    rooms: tuple[int, ...]
+    """Numbers of the solids whose closed cavities have patches of their own."""
     count: int
     """Number of patches."""
 
@@ -61,7 +63,8 @@ class LineScene(NamedTuple):
             first_face=np.cumsum([0, *face_counts[:-1]]),
             solids=solids,
             of_face=solids.of_faces(corners),
-            has_rooms=any(body.has_rooms for body in bodies),
+            walls=tuple(n for n, body in enumerate(bodies) if body.wall is not None),
+            rooms=tuple(n for n, body in enumerate(bodies) if body.has_rooms),
             count=sum(body.patches.count for body in bodies),
         )
 
@@ -170,7 +173,7 @@ def _hits(strip: _Strip, scene: LineScene) -> _Hits:
     triangle = layers.triangle % len(scene.faces)
     point = np.full((len(triangle), 3), np.nan)
     is_apart = scene.of_face[triangle] < 0
-    placed = np.flatnonzero(is_apart | scene.has_rooms)
+    placed = np.flatnonzero(is_apart | bool(scene.rooms))
     point[placed] = strip.points(layers, placed)
     is_thin = scene.is_thin[triangle]
     if not is_thin.any():
@@ -215,28 +218,33 @@ def _met(
     cavity = np.zeros(len(patch), int)
     is_thin = scene.is_thin[hits.triangle]
     body = scene.body[hits.triangle]
-    for number, patched in enumerate(scene.bodies):
-        if patched.wall is not None:
-            # Its two hits follow each other, at one point.
-            on_body = np.flatnonzero(body == number)
-            once = on_body[::2]
-            face = hits.triangle[once] - scene.first_face[number]
-            at = patched.pose.to_body(hits.point[once])
-            side = hits.is_behind[on_body].astype(int)
-            point = np.repeat(np.arange(len(once)), 2)
-            patches = patched.wall.patches_at(at, face)[side, point]
-            patch[on_body] = scene.solids.first[number] + patches
-            cavity[on_body] = patched.wall.face_space[face[point], side] // 2
-        elif patched.has_rooms and patched.patches.cavities is not None:
-            is_on_body = body == number
-            ahead = _cavity_ahead(
-                patched.patches.cavities,
-                point=hits.point,
-                normal=scene.normal[hits.triangle],
-                gap=np.flatnonzero(open_gap & (is_on_body[:-1] | is_on_body[1:])),
-                pose=patched.pose,
-            )
-            space[is_on_body] = ahead[is_on_body]
+    for number in scene.walls:
+        patched = scene.bodies[number]
+        assert patched.wall is not None
+        # Its two hits follow each other, at one point.
+        on_body = np.flatnonzero(body == number)
+        once = on_body[::2]
+        face = hits.triangle[once] - scene.first_face[number]
+        at = patched.pose.to_body(hits.point[once])
+        side = hits.is_behind[on_body].astype(int)
+        point = np.repeat(np.arange(len(once)), 2)
+        patches = patched.wall.patches_at(at, face)[side, point]
+        patch[on_body] = scene.solids.first[number] + patches
+        cavity[on_body] = patched.wall.face_space[face[point], side] // 2
+    for number in scene.rooms:
+        patched = scene.bodies[number]
+        cavities = patched.patches.cavities
+        if cavities is None:
+            continue
+        is_on_body = body == number
+        ahead = _cavity_ahead(
+            cavities,
+            point=hits.point,
+            normal=scene.normal[hits.triangle],
+            gap=np.flatnonzero(open_gap & (is_on_body[:-1] | is_on_body[1:])),
+            pose=patched.pose,
+        )
+        space[is_on_body] = ahead[is_on_body]
     solid = apart[~is_thin[apart]]
     if len(solid):
         patch[solid] = scene.solids.at(
