@@ -5,7 +5,7 @@ from typing import Any, Literal, NamedTuple, NotRequired, TypedDict
 from jaxthermo.config.card_file import load_card
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.shipped_cards import SCHEME, shipped_cards
-from jaxthermo.physics.contact.search import SHEET_GAP
+from jaxthermo.physics.contact.search import default_gap
 
 from ..problem.reference import voxel_pitch
 from ..problem.sheet_cells import resized_sheet
@@ -113,17 +113,11 @@ class Candidate(NamedTuple):
         for term in plain.get("terms", ()):
             # Its default follows the pitch: the bodies would touch less in finer ones.
             if term["kind"] == "contact":
-                term.setdefault("threshold", _default_gap(scene, pitches))
+                are_sheets = all(body.wall is not None for body in scene.bodies)
+                term.setdefault("threshold", default_gap(pitches, are_sheets))
         plain["solver"] = self.solver(scene.time.last)
         plain.pop("truth", None)
         return SceneConfig.model_validate(plain)
-
-
-def _default_gap(scene: SceneConfig, pitches: tuple[float, ...]) -> float:
-    """Largest gap of a contact in a scene's own pitches [m], see `default_gap`."""
-    bodies = zip(scene.bodies, pitches, strict=True)
-    of_solids = [pitch for body, pitch in bodies if body.wall is None]
-    return min(pitches) if of_solids else SHEET_GAP * min(pitches)
 
 
 def pitches_of(scene: SceneConfig) -> tuple[float, ...]:

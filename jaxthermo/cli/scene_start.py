@@ -1,8 +1,8 @@
 """The start of a scene of the parts of a mesh file, as YAML with hints."""
 
 import math
-from collections import defaultdict
-from collections.abc import Mapping
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +12,19 @@ from ..config.strict_yaml import write_flow
 from ..geometry.mesh import Mesh
 from ..geometry.part_names import matching_parts, short_names
 from ..geometry.wall_thickness import wall_thickness
+from .touching_parts import DividedPart, touching_parts
 
 
 _HEAD = """\
 # The start of a scene: one rule for all parts of a material, the first match wins.
 # Run it with: jaxthermo simulate FILE --set assembly.temperature='20 degC'
+"""
+
+_JOINTS = """\
+# Parts that touch: delete those that do not conduct into each other; a number is a
+# conductance in W/(m^2 K).
+joints:
+  pairs:
 """
 
 _END = """\
@@ -62,7 +70,9 @@ def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
     corners = np.concatenate([mesh.bounds for mesh in meshes.values()])
     extent = float(np.ptp(corners, axis=0).max())
     lines = [_HEAD, "assembly:\n", f"  mesh: {write_flow(file)}\n"]
-    lines.append(f"  pitch: {_two_digits(extent / _CELLS_OF_SHEET):g}\n  parts:\n")
+    cell = _two_digits(extent / _CELLS_OF_SHEET)
+    lines.append(f"  pitch: {cell:g}\n  parts:\n")
+    divided: dict[str, DividedPart] = {}
     # The largest group of a material comes last, and matches all that is left of it.
     order = sorted(groups, key=lambda group: len(groups[group]))
     last = {group.word: group for group in order}
@@ -80,28 +90,51 @@ def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
         parts = [meshes[name] for name in members]
         rule = {"match": match, **_rule(group, parts)}
         lines.append(f"    - {write_flow(rule)}{_hint(group, parts)}\n")
+        pitch = _pitch(parts) if group.is_closed else cell
+        for name in members:
+            divided[names[name]] = DividedPart(meshes[name], pitch, not group.is_closed)
     flat = [names[name] for name, mesh in meshes.items() if mesh.area <= 0.0]
     if flat:
         lines.append(
             f"    - {write_flow({'match': flat, 'ignore': True})}  # no extent\n"
         )
-    return "".join([*lines, _END])
+    return "".join([*lines, *_joints(divided), _END])
+
+
+def _joints(parts: Mapping[str, DividedPart]) -> Iterator[str]:
+    """Lines of joints of the parts that touch, few ones: each part with several."""
+    names = list(parts)
+    pairs = [
+        (names[i], names[j]) for i, j in touching_parts([parts[name] for name in names])
+    ]
+    if pairs:
+        yield _JOINTS
+    while pairs:
+        counts = Counter(name for pair in pairs for name in pair)
+        # The first of those that touch most others.
+        first = max(names, key=lambda name: counts[name])
+        others = [b if a == first else a for a, b in pairs if first in (a, b)]
+        pairs = [pair for pair in pairs if first not in pair]
+        both = [first, others if others[1:] else others[0]]
+        yield f"    - {write_flow({'parts': both, 'conductance': 'bonded'})}\n"
 
 
 def _rule(group: _Group, parts: list[Mesh]) -> dict[str, object]:
     material = group.word if group.word in material_names() else _MATERIAL
     if group.is_closed:
-        pitch = min(_pitch(mesh) for mesh in parts)
-        return {"material": material, "pitch": _two_digits(pitch)}
+        return {"material": material, "pitch": _pitch(parts)}
     layer = {"material": material, "thickness": _SHEET_THICKNESS}
     return {"sheet": {"layers": [layer]}}
 
 
-def _pitch(mesh: Mesh) -> float:
-    """Edge of the voxels of a solid: some through it, if that is not too many."""
-    size = np.maximum(np.ptp(mesh.bounds, axis=0), 1e-9)
-    coarsest = float(np.prod(size) / _MAX_VOXELS) ** (1 / 3)
-    return max(float(size.min()) / _VOXELS_THROUGH, coarsest)
+def _pitch(parts: list[Mesh]) -> float:
+    """Edge of the voxels of solids: some through each, if that is not too many."""
+    pitches = []
+    for mesh in parts:
+        size = np.maximum(np.ptp(mesh.bounds, axis=0), 1e-9)
+        coarsest = float(np.prod(size) / _MAX_VOXELS) ** (1 / 3)
+        pitches.append(max(float(size.min()) / _VOXELS_THROUGH, coarsest))
+    return _two_digits(min(pitches))
 
 
 def _hint(group: _Group, parts: list[Mesh]) -> str:

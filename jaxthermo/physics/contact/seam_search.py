@@ -11,20 +11,20 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
 from ...arrays import Scalar
 from ...errors import InputError
 from ...geometry.mesh import edges_of
+from ...geometry.nearby import NearestTriangles, nearest_triangles, overlapping_boxes
 from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...memo.stored import stored_search
 from ...sheets.sheet_grid import SheetGrid
 from ...sheets.surface import proper_faces
 from ..together import found_between
 from .rays import PlacedGrid
-from .search import SHEET_GAP, overlapping_pairs
+from .search import SHEET_GAP
 from .shares import fragment_shares
 
 
@@ -194,7 +194,7 @@ def seams_between(
     )
     bounds = np.stack([body.world_bounds for body in bodies])
     seams = {}
-    for i, j in overlapping_pairs(
+    for i, j in overlapping_boxes(
         bounds[:, 0] - gaps[:, None], bounds[:, 1] + gaps[:, None]
     ).tolist():
         gap = float(gaps[[i, j]].min())
@@ -226,7 +226,7 @@ def _seam(a: _Outline, b: _Outline, gap: float, counts_borders: bool) -> SeamPai
     low, high = b.body.world_bounds
     near = (a.samples.point >= low - gap) & (a.samples.point <= high + gap)
     samples = a.samples.of(np.flatnonzero(near.all(axis=1)))
-    hits = _nearest_triangles(samples.point, b.triangles, gap)
+    hits = nearest_triangles(samples.point, b.triangles, gap)
     # Beyond the end of a seam the way to B goes along the border.
     way = hits.point - samples.point[hits.sample]
     along = np.abs(row_dot(way, samples.along[hits.sample]))
@@ -279,7 +279,10 @@ def _on_border(
 
 
 def _on_surface(
-    touching: _Samples, b: _Outline, hits: "_Hits", which: Int[np.ndarray, " n"]
+    touching: _Samples,
+    b: _Outline,
+    hits: NearestTriangles,
+    which: Int[np.ndarray, " n"],
 ) -> SeamPairs:
     """Seam of some of the samples with the surface of B."""
     if not len(which):
@@ -307,40 +310,3 @@ def _on_surface(
             )
         )
     return SeamPairs.joined(parts)
-
-
-class _Hits(NamedTuple):
-    """Points that have a triangle within a distance."""
-
-    sample: Int[np.ndarray, " n"]
-    triangle: Int[np.ndarray, " n"]
-    point: Float[np.ndarray, "n 3"]
-    """Nearest point of the triangle [m]."""
-
-    def of(self, which: Int[np.ndarray, " m"]) -> "_Hits":
-        """Some of the points."""
-        return _Hits(*(column[which] for column in self))
-
-
-def _nearest_triangles(
-    points: Float[np.ndarray, "k 3"], triangles: Float[np.ndarray, "t 3 3"], gap: float
-) -> _Hits:
-    """Nearest triangle of each point that has one within a distance [m]."""
-    centre = triangles.mean(axis=1)
-    radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
-    tree = KDTree(points) if len(points) else None
-    near = [] if tree is None else tree.query_ball_point(centre, radius + gap)
-    counts = np.array([len(of_triangle) for of_triangle in near], np.int64)
-    if not counts.sum():
-        no_hits = np.zeros(0, np.int64)
-        return _Hits(no_hits, no_hits, np.zeros((0, 3)))
-    sample = np.concatenate([np.asarray(entries, np.int64) for entries in near])
-    triangle = np.repeat(np.arange(len(triangles)), counts)
-    closest = trimesh.triangles.closest_point(triangles[triangle], points[sample])
-    distance = np.linalg.norm(closest - points[sample], axis=1)
-    # Triangles without extent have no nearest point.
-    within = np.flatnonzero(np.nan_to_num(distance, nan=np.inf) <= gap)
-    order = within[np.lexsort([distance[within], sample[within]])]
-    is_first = np.diff(sample[order], prepend=-1) != 0
-    chosen = order[is_first]
-    return _Hits(sample[chosen], triangle[chosen], closest[chosen])

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 
 from ...arrays import Scalar
 from ...errors import InputError
+from ...geometry.nearby import overlapping_boxes
 from ...memo.stored import stored_search
 from ..together import found_between
 from .overlap import require_shallow
@@ -177,7 +178,7 @@ def broad_phase(
         [MAX_SLANT * float(b.pitch if threshold is None else threshold) for b in bodies]
     )
     bounds = np.stack([body.world_bounds for body in bodies])
-    pairs = overlapping_pairs(
+    pairs = overlapping_boxes(
         bounds[:, 0] - margin[:, None], bounds[:, 1] + margin[:, None]
     )
     may_touch = []
@@ -249,23 +250,13 @@ def _depths(
     return near, far
 
 
-def overlapping_pairs(
-    lower: Float[np.ndarray, "b 3"], upper: Float[np.ndarray, "b 3"]
-) -> Int[np.ndarray, "p 2"]:
-    """Pairs i < j of boxes with common points; corners in m."""
-    i, j = np.triu_indices(len(lower), k=1)
-    meet = ((lower[i] <= upper[j]) & (lower[j] <= upper[i])).all(axis=1)
-    return np.stack([i[meet], j[meet]], axis=1)
-
-
-def default_gap(a: PlacedGrid, b: PlacedGrid) -> float:
-    """Largest gap that counts as contact if none is given [m].
+def default_gap(pitches: Sequence[float], are_sheets: bool) -> float:
+    """Largest gap that counts as contact if none is given [m], of bodies' pitches [m].
 
     One voxel of the finer body, by which the surfaces of voxels are uncertain. Two
     sheets have the surfaces of their meshes: a tenth of a cell.
     """
-    both_are_sheets = a.is_sheet and b.is_sheet
-    return (SHEET_GAP if both_are_sheets else 1.0) * min(a.pitch, b.pitch)
+    return (SHEET_GAP if are_sheets else 1.0) * min(pitches)
 
 
 @stored_search("contacts", (ContactPairs,))
@@ -281,7 +272,10 @@ def find_contacts(
     Raises:
         InputError: if the threshold is not positive, or the bodies overlap deeply.
     """
-    max_gap = default_gap(a, b) if threshold is None else float(threshold)
+    if threshold is None:
+        max_gap = default_gap((a.pitch, b.pitch), are_sheets=a.is_sheet and b.is_sheet)
+    else:
+        max_gap = float(threshold)
     if not (np.isfinite(max_gap) and max_gap > 0):
         raise InputError(f"contact threshold {max_gap!r}: give a positive length [m]")
     require_shallow(a, b, max_gap)

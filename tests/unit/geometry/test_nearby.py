@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from jaxthermo.physics.contact.search import overlapping_pairs
+from jaxthermo.geometry.nearby import overlapping_boxes
 
 
 def every_pair(lower, upper):
@@ -26,11 +26,11 @@ def test_every_pair_is_found_once(seed, count, size, stretch):
     random = np.random.default_rng(seed)
     lower = random.random((count, 3)) * stretch
     upper = lower + size * random.random((count, 3))
-    pairs = overlapping_pairs(lower, upper)
+    pairs = overlapping_boxes(lower, upper)
     assert [tuple(pair) for pair in pairs.tolist()] == every_pair(lower, upper)
 
 
 def test_boxes_that_share_a_face_an_edge_or_a_corner_overlap():
     lower = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1], [1.01, 0, 0]], float)
-    pairs = overlapping_pairs(lower, lower + 1.0)
+    pairs = overlapping_boxes(lower, lower + 1.0)
     assert pairs[pairs[:, 0] == 0].tolist() == [[0, 1], [0, 2], [0, 3]]
