@@ -84,12 +84,12 @@ class GltfWriter:
         self.document["extensionsRequired"] = list(extensions)
 
     def complete(self, uri: str | None = None) -> Any:
-        """The document with all nodes in its scene that are no children."""
+        """The document, with a scene of all nodes but children if it has none."""
         nodes = self.document["nodes"]
         children = {child for node in nodes for child in node.get("children", [])}
         roots = [number for number in range(len(nodes)) if number not in children]
         buffer: Any = {"byteLength": len(self.buffer)} | ({"uri": uri} if uri else {})
-        return self.document | {"scenes": [{"nodes": roots}], "buffers": [buffer]}
+        return {"scenes": [{"nodes": roots}]} | self.document | {"buffers": [buffer]}
 
     def glb(self) -> bytes:
         """The file as GLB."""

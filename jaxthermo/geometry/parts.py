@@ -67,8 +67,11 @@ def separate_parts(path: Path, mesh: FileMesh, scale: FileScale) -> dict[str, Me
             name=label,
             axes=scale.axes,
         )
-        # Welded, so that a closed part is watertight.
-        meshes[label] = repair_mesh(patch, max_hole_edges=0, turns_open=False)
+        # Welded, so that a closed part is watertight. Of a part without an area no face
+        # would be left.
+        if patch.area > 0.0:
+            patch = repair_mesh(patch, max_hole_edges=0, turns_open=False)
+        meshes[label] = patch
     return meshes
 
 

@@ -70,6 +70,20 @@ def test_height_and_axis(printed, tmp_path):
     assert "0.1 x 0.3 x 0.2 m" in out
 
 
+def test_a_part_of_no_extent_has_a_line_and_is_left_out(printed, tmp_path):
+    path = tmp_path / "parts.glb"
+    writer = box_gltf(name="block")
+    writer.node(mesh=0, name="point", scale=[0.0] * 3, translation=[0.0, 0.0, 1.0])
+    path.write_bytes(writer.glb())
+    status, out, _ = printed(path)
+    assert status == 0
+    assert "0 x 0 x 0" in next(line for line in out.splitlines() if "point" in line)
+    assert "2 parts, 24 faces, 1 x 2 x 3 m" in out
+    status, out, _ = printed(path, "--scene")
+    assert status == 0
+    assert "{match: [point], ignore: true}  # no extent" in out
+
+
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [

@@ -12,7 +12,7 @@ from typing_extensions import override
 import jaxthermo
 
 from ...archive import file_hash, text_hash
-from ...errors import InputError
+from ...errors import InputError, located
 from ..types import quantities as si
 from ..types.files import FoundPath, read_solid
 from ..types.model import Data, Mistake, Model, Short, build
@@ -217,19 +217,22 @@ class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
         """
         return self._with_structure(self._build_structure(*args))
 
-    def build_sharing(self, structures: dict[str, object]) -> Any:
+    def build_sharing(self, structures: dict[str, object], number: int) -> Any:
         """The body, with a structure of the same geometry and options if there is one.
 
         Args:
             structures: structures by all that they follow from; a new one is added.
+            number: of the body, for messages.
 
         Raises:
             InputError: as `build`.
         """
-        key = self._structure_key()
-        if key not in structures:
-            structures[key] = self._build_structure()
-        return self._with_structure(structures[key])
+        name = f" ({self.name})" if self.name else ""
+        with located(f"bodies.{number}{name}"):
+            key = self._structure_key()
+            if key not in structures:
+                structures[key] = self._build_structure()
+            return self._with_structure(structures[key])
 
     def _build_structure(self, *args: Any) -> Any:
         if self.wall is not None:

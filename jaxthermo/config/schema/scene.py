@@ -156,9 +156,9 @@ class SceneConfig(Model, builds="Scene"):
             InputError: for a mesh, labels, mask or fit card that cannot be used.
         """
         structures: dict[str, object] = {}
-        bodies = tuple(body.build_sharing(structures) for body in self.bodies)
-        bodies = self.with_air(bodies)
-        return self.scene(bodies=bodies, terms=self.build_terms())
+        numbered = enumerate(self.bodies)
+        bodies = tuple(body.build_sharing(structures, n) for n, body in numbered)
+        return self.scene(bodies=self.with_air(bodies), terms=self.build_terms())
 
     def with_air(self, bodies: tuple[Any, ...]) -> tuple[Any, ...]:
         """The built bodies, followed by the air in those whose air is computed.

@@ -125,7 +125,8 @@ def _nodes(data: GltfData) -> Iterator[_Node]:
     """Nodes of the default scene, parents before children, in the order of the file."""
     document = data.document
     count = len(document.get("nodes", []))
-    if document.get("scenes"):
+    has_scene = bool(document.get("scenes"))
+    if has_scene:
         roots = data.item("scenes", document.get("scene", 0)).get("nodes", [])
     else:
         children = {
@@ -145,6 +146,10 @@ def _nodes(data: GltfData) -> Iterator[_Node]:
         waiting += [
             _Node(child, matrix=matrix) for child in reversed(node.get("children", []))
         ]
+    # Without a scene each node is a root, or below one.
+    if not has_scene and len(visited) < count:
+        number = min(set(range(count)) - visited)
+        raise FileFault(f"the node {number} is below itself: nodes are no tree")
 
 
 def _matrix(node: Any) -> Float[np.ndarray, "4 4"]:

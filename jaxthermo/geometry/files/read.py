@@ -32,6 +32,9 @@ _READERS: dict[str, Reader] = {
     ".dae": read_dae,
 }
 
+_LARGEST = 1e50
+"""Coordinate in units of the file whose areas and volumes are still finite numbers."""
+
 FORMATS = tuple(_READERS)
 """Suffixes of the mesh files that can be read."""
 
@@ -140,9 +143,12 @@ def _check_geometry(mesh: FileMesh) -> None:
             "holds no faces (a point cloud, lines, or no mesh at all)",
             remedy="export a triangle mesh",
         )
-    bad = int((~np.isfinite(vertices)).any(1).sum())
+    bad = int((~(np.abs(vertices) < _LARGEST)).any(1).sum())
     if bad:
-        raise FileFault(f"{bad} of {len(vertices)} vertices are NaN or infinite")
+        raise FileFault(
+            f"{bad} of {len(vertices)} vertices are NaN or infinite, or beyond "
+            f"{_LARGEST:g}"
+        )
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     # Scaled first: products of very small edges would underflow to zero area.
     span = max(float(np.abs(b - a).max()), float(np.abs(c - a).max()))

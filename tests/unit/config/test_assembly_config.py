@@ -216,7 +216,8 @@ def test_nodes_in_a_circle_and_parts_without_extent_are_refused(scene, tmp_path)
     # The node of the wheels becomes its own grandchild.
     axle = [node.get("name") for node in document["nodes"]].index("axle")
     document["nodes"][0]["children"] = [axle]
-    (tmp_path / "cart.glb").write_bytes(_in_scene(writer, [axle]))
+    document["scenes"] = [{"nodes": [axle]}]
+    (tmp_path / "cart.glb").write_bytes(writer.glb())
     with pytest.raises(InputError, match="is reached twice: nodes are no tree"):
         scene((WHEELS, ROOF, DECAL))
     writer = cart()
@@ -234,11 +235,10 @@ def test_nodes_in_a_circle_and_parts_without_extent_are_refused(scene, tmp_path)
     assert len(scene((WHEELS, "{match: '*', ignore: true}")).bodies) == 3
 
 
-def _in_scene(writer, roots):
-    complete = writer.complete()
-    complete["scenes"] = [{"nodes": roots}]
-    writer.complete = lambda uri=None: complete
-    return writer.glb()
+def test_a_mistake_of_a_body_that_is_built_has_its_place(scene):
+    config = scene(("{match: 'wheel*', material: copper, pitch: 1 m}", REST))
+    with pytest.raises(InputError, match=r"^bodies\.0 \(wheel_left\): pitch 1 m is"):
+        config.build()
 
 
 def test_the_start_of_a_scene_runs_with_a_temperature(tmp_path, capsys):

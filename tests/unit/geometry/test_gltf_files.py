@@ -185,6 +185,40 @@ def test_nodes_within_nodes_and_reflections(read):
     assert placed.bounds.mean(0) == pytest.approx([2.0, 0.0, 5.0])
 
 
+@pytest.mark.parametrize(
+    ("children", "scenes", "number"),
+    [
+        ({0: [0]}, [{"nodes": [0]}], 0),
+        ({0: [1], 1: [0]}, [{"nodes": [0]}], 0),
+        ({0: [2], 1: [2]}, [{"nodes": [0, 1]}], 2),
+        ({}, [{"nodes": [1, 1]}], 1),
+        # Without a scene nothing above the circle leads to it.
+        ({1: [2], 2: [1]}, [], 1),
+        ({0: [0]}, [], 0),
+    ],
+)
+def test_nodes_that_are_no_tree_are_refused(read, children, scenes, number):
+    writer = GltfWriter()
+    mesh = writer.mesh(box_primitive(writer))
+    for node in range(3):
+        writer.node(
+            mesh=mesh, **({"children": children[node]} if node in children else {})
+        )
+    writer.document["scenes"] = scenes
+    message = refused(read, writer)
+    assert f"the node {number} is" in message
+    assert "nodes are no tree" in message
+
+
+def test_nodes_are_nested_as_deep_as_a_file_has_them(read):
+    writer = GltfWriter()
+    depth = 3000
+    for node in range(depth - 1):
+        writer.node(children=[node + 1], translation=[0.0, 0.0, 1.0])
+    writer.node(mesh=writer.mesh(box_primitive(writer)))
+    assert read(writer).bounds.mean(0) == pytest.approx([0.0, 0.0, depth - 1.0])
+
+
 def test_morph_targets_and_skins_are_as_at_rest(read):
     writer = GltfWriter()
     primitive = box_primitive(writer)

@@ -149,12 +149,12 @@ def triangle_text(suffix, rows, face=(0, 1, 2)):
     return "\n".join([*head, *rows, f"3 {indices}"]) + "\n"
 
 
-@pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf", "1e300"])
 @pytest.mark.parametrize("suffix", ["obj", "off", "ply", "stl"])
 def test_not_finite(tmp_path, capfd, suffix, number):
     text = triangle_text(suffix, [f"0 0 {number}", "1 0 0", "0 1 0"])
     message = refusal(written(tmp_path, f"a.{suffix}", text), capfd)
-    assert "1 of 3 vertices are NaN or infinite" in message
+    assert "1 of 3 vertices are NaN or infinite, or beyond 1e+50" in message
 
 
 @pytest.mark.parametrize("index", [-1, 3, 99])
