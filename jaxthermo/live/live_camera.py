@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -58,7 +57,7 @@ class LiveCamera:
                 temperature=kelvin,
                 received=run.irradiance(),
                 time=run.time,
-                load_time=just_before(jnp.asarray(run.time, kelvin.dtype)),
+                load_time=just_before(np.asarray(run.time), kelvin.dtype),
             )
             image = self._recorder.frame(moment)
         apparent = self._quantity == "apparent"

@@ -2,7 +2,6 @@
 
 import math
 
-import jax.numpy as jnp
 import numpy as np
 import viser
 from jaxtyping import Float
@@ -108,7 +107,7 @@ class SceneView:
     def _hide_suns_that_are_off(self, time: float) -> None:
         for arrow, term in self._arrows:
             if isinstance(term, Sun):
-                shines = bool(value_at(term.strength, jnp.asarray(time)) > 0)
+                shines = bool(value_at(term.strength, np.asarray(time)) > 0)
                 if arrow.visible != shines:
                     arrow.visible = shines
 

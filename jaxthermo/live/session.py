@@ -39,7 +39,6 @@ from ..integrate.stepper import RunState
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import just_before
-from ..physics.windows import over
 from ..scene.scene import Scene, SolvedSurface
 from .live_run import AbstractLiveRun, Curves
 
@@ -340,9 +339,9 @@ class LiveSession(AbstractLiveRun):
             start = interval.start
             time = jnp.asarray(observation_time(plan, interval), plan.dtype)
         program = plan.compiled.programs[plan.compiled.number_at(start)]
-        if interval is not None:
-            program = over(program, window_of(interval, plan.dtype))
-        return np.asarray(observe(program, self._state, time).surface_temperature)
+        window = None if interval is None else window_of(interval, plan.dtype)
+        observation = observe(program, self._state, time, window)
+        return np.asarray(observation.surface_temperature)
 
 
 def _checked_rate(rate: float) -> float:

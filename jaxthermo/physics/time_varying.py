@@ -13,6 +13,7 @@ from ..arrays import (
     HOST,
     HostTime,
     Samples,
+    SplitTimes,
     Time,
     TimeVarying,
     is_traced,
@@ -120,11 +121,17 @@ def value_at(value: Any, time: Time | HostTime) -> Float[Array, "..."]:
     if isinstance(time, HOST):
         dtype = jnp.result_type(float)
         if isinstance(value, AbstractVarying):
-            start = jnp.asarray(split_times(time), dtype)
-            value = value.over(Window(start, jnp.zeros((), dtype)))
-            time = np.zeros(())
+            return _value_of_window(value, jnp.asarray(split_times(time), dtype))
         time = jnp.asarray(time, dtype)
     return jnp.asarray(value(time) if callable(value) else value, time.dtype)
+
+
+# One program: the search for a piece has many operations, one by one for each bit.
+@eqx.filter_jit
+def _value_of_window(value: AbstractVarying, start: SplitTimes) -> Float[Array, "..."]:
+    """The value at the start of a window [s]."""
+    zero = jnp.zeros((), start.dtype)
+    return value_at(value.over(Window(start, zero)), zero)
 
 
 def for_jit(value: Any, dtype: Any) -> Any:

@@ -14,7 +14,6 @@ import numpy as np
 
 from ...arrays import device_array
 from ...parallel.processes import agreed
-from ...physics.windows import over
 from ...scene.compile.program import Program, State
 from ..stepper import LoopArguments, RunState, in_place
 from .plan import Plan, initial_state, observation_time, window_of
@@ -155,7 +154,8 @@ def run_segments(
         if ended and interval.saved:
             load_time = jnp.asarray(observation_time(running, interval), plan.dtype)
             window = window_of(interval, plan.dtype)
-            row = observe(over(_program_of(plan, interval), window), state, load_time)
+            program = _program_of(plan, interval)
+            row = observe(program, state, load_time, window)
             observations = (*observations, row)
         progress = progress._replace(
             interval=progress.interval + 1 if ended else progress.interval,

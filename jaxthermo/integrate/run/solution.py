@@ -326,14 +326,19 @@ class Observation(NamedTuple):
 
 @eqx.filter_jit
 def observe(
-    program: Program, state: RunState, time: Float[Array, ""] | None
+    program: Program,
+    state: RunState,
+    time: Float[Array, ""] | None,
+    window: Window | None = None,
 ) -> Observation:
     """Observe a state.
 
     `time` is that of the loads that act on the surface [s], within the last step, so
     that a load that is switched now still counts as it was; None at the start, where
-    none has acted yet.
+    none has acted yet. It counts from the start of `window`; None for that of the run.
     """
+    if window is not None:
+        program = over(program, window)
     # Excess of each group's fragments over their nodes by contacts [K], and heat [W].
     by_contacts: list = [None] * len(program.bodies)
     contact_heat: list = [None] * len(program.bodies)

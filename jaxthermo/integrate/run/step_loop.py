@@ -112,4 +112,4 @@ def take_row(
     # Columns without steps follow those with steps.
     last = jnp.maximum((row.steps > 0).sum() - 1, 0)
     window = jax.tree.map(lambda column: column[last], windows)
-    return state, observe(over(program, window), state, row.observation_time)
+    return state, observe(program, state, row.observation_time, window)
