@@ -31,11 +31,11 @@ from ..boundary import ImposedFlux
 from ..surface import BodySurface, Surface
 from ..term import OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
+from .free_lines import free_lines
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .source_motion import Triple, triple
 from .visibility import (
     SquareEdge,
-    free_lines,
     lit_fractions,
     lit_samples_from_point,
     sunlit_samples,

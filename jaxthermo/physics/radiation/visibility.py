@@ -13,16 +13,15 @@ sky above the horizon and the ground below it. Without obstacles F_sky = (1 + n_
 and F_ground = (1 - n_z) / 2.
 """
 
-from collections.abc import Callable, Hashable
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ...arrays import linear_map
 from ...errors import InputError
-from ...geometry.mesh import Pose
+from ...geometry.nearby import may_meet
 from ...geometry.vectors import row_dot, tangents
 from ...host_memory import require_memory
 from ...memo.found import found
@@ -38,6 +37,7 @@ from ...raster.views import (
     view_frame,
 )
 from ..surface import BodySurface
+from .free_lines import Sight, free_lines
 
 
 # Distance of the four samples from the fragment's centre, over the edge of its square.
@@ -61,6 +61,10 @@ SquareEdge = float | Float[np.ndarray, " _"]
 thin walls, one for each point."""
 
 
+_MARGIN = 2.0
+"""Voxels, or pixels, up to which an occluder beside lines of sight may block them."""
+
+
 def edges_of_points(edge: SquareEdge, points: Int[np.ndarray, " m"]) -> SquareEdge:
     """Edges of the squares of some of the points."""
     return edge[points] if isinstance(edge, np.ndarray) else edge
@@ -75,57 +79,6 @@ def _shadow_pixel(edge: SquareEdge) -> float:
 
 def _check_map(width: int, height: int, task: str) -> None:
     require_memory(width * height * 16, task, "use a coarser pitch")
-
-
-Sight = UInt8[np.ndarray, "*n s"]
-"""Lines of sight of each surface point, one a bit, which is 1 for a free one."""
-
-
-def free_lines(
-    body: BodySurface,
-    search: Callable[..., Sight],
-    by: tuple[Hashable, ...] | None,
-    task: str,
-    is_distant: bool,
-    **options: Any,
-) -> Sight:
-    """Lines of sight from the fragments of a body that no occluder blocks.
-
-    Args:
-        body: the surface from which they lead.
-        search: takes the triangles of an occluder, positions, normals, the edges of
-            fragments as the pitch, and the options.
-        by: values on which its result depends, besides the surfaces and the pitch;
-            None if they are unknown.
-        task: its name, which ends before the body.
-        is_distant: True if the lines lead to infinity, whatever the body's position.
-        options: further arguments of the search.
-    """
-    place = Pose((0.0, 0.0, 0.0), body.pose.rotation) if is_distant else body.pose
-    key = None
-    if by is not None:
-        key = (*by, body.pitch, Pose().relative_key(place, body.pitch))
-    sights = tuple(
-        found(
-            (body.grid, *occluder.shapes),
-            by=None
-            if key is None
-            else (*key, occluder.place_from(body.pose, body.pitch)),
-            find=partial(
-                search,
-                occluder.triangles,
-                position=body.position,
-                normal=body.normal,
-                pitch=body.grid.fragment_edge,
-                **options,
-            ),
-            search=f"{task} body {body.body}",
-        )
-        for occluder in body.occluders
-    )
-    if len(sights) == 1:
-        return sights[0]
-    return found(sights, by="free lines", find=lambda: np.bitwise_and.reduce(sights))
 
 
 class _Window(NamedTuple):
@@ -244,8 +197,13 @@ def sunlit_samples(
     largest one where each point has its own.
     """
     lit = np.zeros(len(position), np.uint8)
-    facing = np.flatnonzero(normal @ view_frame(direction)[2] < 0)
+    ahead = view_frame(direction)[2]
+    facing = np.flatnonzero(normal @ ahead < 0)
     if not len(facing):
+        return lit
+    margin = _MARGIN * float(np.max(pitch))
+    if not may_meet(position[facing], triangles, ahead[None], margin):
+        lit[facing] = len(_LIT) - 1
         return lit
     # The map covers only surfaces that may be lit: a vast ground costs nothing.
     view = orthographic_view(position[facing], direction, _shadow_pixel(pitch))
@@ -340,40 +298,57 @@ def lines_to_surroundings(
     normal: Float[np.ndarray, "s 3"],
     pitch: SquareEdge,
     directions: int = DEFAULT_DIRECTIONS,
-) -> UInt8[np.ndarray, "2 d s"]:
-    """Directions in which surface points see sky or ground, one a bit.
+) -> UInt8[np.ndarray, "d s"]:
+    """Directions in which nothing hides sky or ground from surface points, one a bit.
 
-    Bits of the first row are 1 where nothing is in the way, those of the second where
-    depth maps are certain about it. Arguments are those of `sky_view`.
+    Arguments are those of `sky_view`.
     """
-    shape = ((directions + 1) // 2, len(position))
-    is_free = np.ones(shape, bool)
-    is_certain = np.ones(shape, bool)
+    upward = half_sphere_directions((directions + 1) // 2)
+    is_free = np.ones((len(upward), len(position)), bool)
+    pixel = _PIXEL * float(np.max(pitch))
     # All directions point upward: the sky is half 0, the opposite directions half 1,
     # the ground. The first depth layer of a map shows the points that are visible from
     # one side, the last layer those from the other: one map for two directions.
-    for number, upward in enumerate(half_sphere_directions(shape[0])):
-        view = orthographic_view(position, upward, _PIXEL * float(np.max(pitch)))
-        seen_out = _sees_out(view, triangles, position=position, normal=normal)
-        is_free[number], is_certain[number] = seen_out
-    return np.stack([np.packbits(is_free, axis=0), np.packbits(is_certain, axis=0)])
+    for number in np.flatnonzero(
+        may_meet(position, triangles, upward, _MARGIN * pixel)
+    ):
+        view = orthographic_view(position, upward[number], pixel)
+        is_free[number] = _sees_out(view, triangles, position, normal)
+    return np.packbits(is_free, axis=0)
+
+
+def certain_lines(
+    position: Float[np.ndarray, "s 3"],
+    normal: Float[np.ndarray, "s 3"],
+    pitch: SquareEdge,
+    directions: int,
+) -> UInt8[np.ndarray, "d s"]:
+    """Lines of `lines_to_surroundings` about which depth maps are certain, as bits."""
+    pixel = _PIXEL * float(np.max(pitch))
+    is_certain = []
+    for upward in half_sphere_directions((directions + 1) // 2):
+        view = orthographic_view(position, upward, pixel)
+        deeper = _deeper(view, view.project(position), normal)
+        is_certain.append(np.abs(deeper) <= _MAX_DEPTH_CORRECTION)
+    return np.packbits(is_certain, axis=0)
 
 
 def sky_view_along(
-    lines: UInt8[np.ndarray, "2 d s"],
+    free: UInt8[np.ndarray, "d s"],
+    certain: UInt8[np.ndarray, "d s"],
     normal: Float[np.ndarray, "s 3"],
     directions: int,
 ) -> _SkyView:
-    """View factors from lines to sky and ground, see `lines_to_surroundings`."""
+    """View factors from the lines of `lines_to_surroundings` and `certain_lines`."""
     seen = np.zeros((2, len(normal)))
     sampled = np.zeros((2, len(normal)))
     points = np.arange(len(normal))
     for number, upward in enumerate(half_sphere_directions((directions + 1) // 2)):
-        is_free, is_certain = lines[:, number // 8] >> (7 - number % 8) & 1
+        bit = 7 - number % 8
         cosine = normal @ upward
         half = (cosine <= 0).astype(int)
-        weight = np.abs(cosine) * is_certain
-        seen[half, points] += weight * is_free
+        weight = np.abs(cosine) * (certain[number // 8] >> bit & 1)
+        seen[half, points] += weight * (free[number // 8] >> bit & 1)
         sampled[half, points] += weight
     return _scaled(seen, sampled, unobstructed_view(normal))
 
@@ -395,14 +370,9 @@ def sky_view(
         InputError: for fewer than 8 directions.
     """
     check_directions(directions)
-    lines = lines_to_surroundings(
-        triangles,
-        position=position,
-        normal=normal,
-        pitch=pitch,
-        directions=directions,
-    )
-    return sky_view_along(lines, normal, directions)
+    free = lines_to_surroundings(triangles, position, normal, pitch, directions)
+    certain = certain_lines(position, normal, pitch, directions)
+    return sky_view_along(free, certain, normal, directions)
 
 
 def sky_view_of(body: BodySurface, directions: int | None) -> _SkyView:
@@ -413,7 +383,7 @@ def sky_view_of(body: BodySurface, directions: int | None) -> _SkyView:
     if directions is None:
         return unobstructed_view(body.normal)
     check_directions(directions)
-    lines = free_lines(
+    free = free_lines(
         body,
         lines_to_surroundings,
         by=("sky_view", directions),
@@ -421,18 +391,31 @@ def sky_view_of(body: BodySurface, directions: int | None) -> _SkyView:
         is_distant=True,
         directions=directions,
     )
+    edge = body.grid.fragment_edge
+    certain = found(
+        (body.grid, body.normal),
+        by=("certain lines", directions),
+        find=lambda: certain_lines(body.position, body.normal, edge, directions),
+    )
     return found(
-        (lines, body.normal),
+        (free, certain, body.normal),
         by=("sky_view", directions),
-        find=lambda: sky_view_along(lines, body.normal, directions),
+        find=lambda: sky_view_along(free, certain, body.normal, directions),
     )
 
 
-class _SeenOut(NamedTuple):
-    """Lines from surface points along a view, or against it: outward."""
-
-    is_free: Bool[np.ndarray, " s"]
-    is_certain: Bool[np.ndarray, " s"]
+def _deeper(
+    view: OrthographicView,
+    at: Float[np.ndarray, "s 3"],
+    normal: Float[np.ndarray, "s 3"],
+) -> Float[np.ndarray, " s"]:
+    """Depths of the planes of points in the middles of pixels, over theirs."""
+    # They grow as rays graze the planes. Too far away they say nothing.
+    tilt = linear_map(normal, view.frame.T)
+    row, column = pixels_at(view, at)
+    to_middle = np.stack([column, row], axis=1) + 0.5 - at[:, :2]
+    steep = np.where(np.abs(tilt[:, 2]) > 1e-9, tilt[:, 2], 1e-9)
+    return -row_dot(to_middle, tilt[:, :2]) / steep
 
 
 def _sees_out(
@@ -440,21 +423,14 @@ def _sees_out(
     triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
-) -> _SeenOut:
-    """Flag the points that triangles do not hide, and those where this is certain."""
-    # The ray through a pixel's middle meets the plane of a point at a distance from the
-    # point that grows as it grazes the plane. Too far away the depths say nothing.
+) -> Bool[np.ndarray, " s"]:
+    """Flag the points that triangles do not hide along a view, or against it."""
     at = view.project(position)
-    tilt = linear_map(normal, view.frame.T)
-    row, column = pixels_at(view, at)
-    to_middle = np.stack([column, row], axis=1) + 0.5 - at[:, :2]
-    steep = np.where(np.abs(tilt[:, 2]) > 1e-9, tilt[:, 2], 1e-9)
-    deeper = -row_dot(to_middle, tilt[:, :2]) / steep
-    depth = at[:, 2] + deeper
-    is_ahead = tilt[:, 2] > 0
-    above = depth + _DEPTH_TOLERANCE
-    below = depth - _DEPTH_TOLERANCE
-    is_free = np.ones(len(position), bool)
+    deeper = _deeper(view, at, normal)
+    is_ahead = normal @ view.frame[2] > 0
+    above = at[:, 2] + deeper + _DEPTH_TOLERANCE
+    below = at[:, 2] + deeper - _DEPTH_TOLERANCE
+    is_free = np.ones(len(at), bool)
     window = _window(
         view,
         triangles=triangles,
@@ -470,7 +446,7 @@ def _sees_out(
             above[points] >= farthest[window.row, window.column],
             below[points] <= nearest[window.row, window.column],
         )
-    return _SeenOut(is_free, np.abs(deeper) <= _MAX_DEPTH_CORRECTION)
+    return is_free
 
 
 def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: _SkyView) -> _SkyView:
