@@ -53,6 +53,57 @@ def test_a_black_box_exchanges_with_itself_inside_and_with_the_surroundings_outs
     assert np.abs(heat[~is_inner & ~is_hot]).max() < 1e-9 * flux
 
 
+PANELS = [
+    (axis, side, jt.Pose.about(about, angle))
+    for axis, about, angles in (
+        (2, (1.0, 0.0, 0.0), (0.0, np.pi)),
+        (1, (1.0, 0.0, 0.0), (-np.pi / 2, np.pi / 2)),
+        (0, (0.0, 1.0, 0.0), (np.pi / 2, -np.pi / 2)),
+    )
+    for side, angle in zip((1, -1), angles, strict=True)
+]
+"""Axis and side of each face of a cube, and the turn from z to its outward normal."""
+
+
+@pytest.mark.parametrize("lid", ["sheet", "solid"])
+def test_a_cavity_between_six_bodies_is_that_of_one_box(lid):
+    """Panels as bodies of their own, in no order of sides; the lid may be a slab."""
+    square = jt.shapes.rectangle(1.0, 1.0)
+    bodies = []
+    for number, (axis, side, turn) in enumerate(PANELS):
+        place = np.zeros(3)
+        place[axis] = 0.5 * side
+        if lid == "solid" and number == 0:
+            slab = jt.voxelize(jt.shapes.box((1.0, 1.0, 0.1)), 0.1)
+            grey_lid = jt.Material(45.0, 7850.0, specific_heat=480.0, emissivity=1.0)
+            pose = jt.Pose((0.0, 0.0, 0.55))
+            bodies.append(
+                jt.Body(jt.FullVolume(slab), grey_lid, temperature=350.0, pose=pose)
+            )
+            continue
+        # Every other one with its front inside.
+        faces = square.faces[:, :: 1 if number % 2 else -1]
+        sheet = jt.Sheet(jt.Mesh(square.vertices, faces), grey(1.0), 0.2)
+        pose = jt.Pose(tuple(place.tolist()), turn.rotation)
+        bodies.append(jt.Body(sheet, temperature=350.0, pose=pose))
+    hot = 5
+    temperatures = [
+        np.full(len(body.structure.grid.fragment_area), HOT if n == hot else COLD)
+        for n, body in enumerate(bodies)
+    ]
+    heat = heat_rates(tuple(bodies), temperatures)
+    flux = STEFAN_BOLTZMANN * (HOT**4 - COLD**4)
+    # The hot panel of 1 m^2 sees cold ones on one side, and surroundings on the other.
+    front = bodies[hot].structure.grid.fragment_face == 0
+    for side in (front, ~front):
+        assert heat[hot][side].sum() == pytest.approx(-flux, rel=2e-3)
+    received = sum(heat[n].sum() for n in range(6) if n != hot)
+    assert received == pytest.approx(flux, rel=2e-3)
+    # View factors of a cube: 0.1998 to the opposite panel, 0.2000 to each beside it.
+    of_cold = [heat[n].sum() / flux for n in range(6) if n != hot]
+    assert of_cold == pytest.approx([0.2000] * 4 + [0.1998], abs=0.01)
+
+
 def test_concentric_spheres_of_sheets_exchange_as_grey_ones():
     def sphere(radius, emissivity):
         mesh = jt.shapes.sphere(radius, 3)

@@ -7,7 +7,9 @@ from scipy.sparse import csr_array
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
+from jaxthermo.live.live_camera import LiveCamera
 from jaxthermo.live.session import LiveSession
+from jaxthermo.physics.windows import PiecewiseLinear
 
 
 SCENE = """
@@ -111,6 +113,26 @@ def test_values_and_rates_are_changed_without_tracing(session):
     session.advance_to(session.time + 1.0)
     session.reset()
     assert not [name for name in EVENTS if "/jax/core/compile/" in name]
+
+
+def test_a_frame_looks_up_tables_within_its_programs(path, monkeypatch):
+    """Not one operation after the other, which take longer than all steps."""
+    strength = "{times: [0, 10, 30], values: [100, 900, 200]}"
+    air = "{times: [0, 15, 30], values: [290, 280, 285]}"
+    texts = (
+        f"terms.0={{kind: sun, direction: [-1, 0, -0.4], irradiance: {strength}}}",
+    )
+    session = LiveSession(path, (*texts, f"terms.2.temperature={air}"))
+    camera = LiveCamera(session.config, session.surfaces)
+
+    def frame(time):
+        session.advance_to(time)
+        return camera.frame(session)
+
+    frame(1.0)
+    monkeypatch.setattr(PiecewiseLinear, "over", lambda *_: pytest.fail("a look-up"))
+    monkeypatch.setattr(PiecewiseLinear, "__call__", lambda *_: pytest.fail("a call"))
+    assert np.nanmax(frame(2.0)) > 290.0
 
 
 def test_another_structure_compiles_and_starts_again(session):
