@@ -1,5 +1,7 @@
 """Heat along seams of sheets: closed forms, energy and derivatives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -70,6 +72,50 @@ def test_two_plates_with_a_weld_conduct_as_one():
     assert hot + cold == pytest.approx(0.0, abs=1e-9)
     assert hot == pytest.approx(mean_of_halves(pitch / 8, time), rel=0.01)
     assert hot == pytest.approx(mean_of_halves(0.0, time), rel=0.035)
+
+
+def mean_of_a_web(time):
+    """Mean of a hot web above 300 K, on the middle of a flange of twice its length.
+
+    From the three ends modes cos(q s): equal ones, and with cos(q L) = 0 twice as large
+    in the web as in the halves of the flange, against them.
+    """
+    q = (np.arange(100) + 0.5) * np.pi / LENGTH
+    decay = np.exp(-float(METAL.diffusivity) * q**2 * time)
+    return 50.0 * (1 / 3 + (4 / 3 / (q * LENGTH) ** 2 * decay).sum())
+
+
+def web_on_flange(seam, pitch):
+    upright = jt.Pose.about((0.0, 1.0, 0.0), np.pi / 2)
+    web = half(0, 350.0, pitch=pitch)
+    layers = (jt.Layer(METAL, THICKNESS),)
+    flange = jt.Sheet(plate(2 * LENGTH, WIDTH), layers, pitch=pitch, cells=1)
+    bodies = (
+        replace(web, pose=jt.Pose((0.0, 0.0, LENGTH / 2), upright.rotation)),
+        jt.Body(flange, temperature=300.0),
+    )
+    return jt.Scene(bodies, (seam,), dtype="float64")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scene", "exact"),
+    [
+        (lambda seam, pitch: line(seam, pitch=pitch), 325.0 + mean_of_halves(0, 500.0)),
+        (web_on_flange, 300.0 + mean_of_a_web(500.0)),
+    ],
+    ids=["line", "web"],
+)
+def test_the_error_of_a_weld_is_of_first_order(scene, exact):
+    solver = jt.TRBDF2(dt=10.0)
+    coarse, fine = (
+        means(jt.simulate(scene(jt.Seam(np.inf), pitch), 500.0, solver=solver))[0]
+        - exact
+        for pitch in (0.025, 0.0125)
+    )
+    # The hot sheet is too hot by the resistance of the seam.
+    assert 0 < fine < 0.004 * 50.0
+    assert np.log2(coarse / fine) == pytest.approx(0.9, abs=0.15)
 
 
 @pytest.mark.parametrize(
