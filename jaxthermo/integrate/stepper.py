@@ -77,7 +77,7 @@ _FEW_VALUES = 2**16
 """Cells of a lattice that the caches of a core hold: copying a state of them costs less
 than compiling a step several times."""
 
-_STEP_OF_A_NODE = 4
+_STEP_OF_A_NODE = 2
 """Time that a step takes for a node with links, over that for a cell of a lattice: as
 much larger is the state whose copies are as little of a step."""
 
