@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np
+from equinox import Module
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from ..arrays import linear_map, numbered, static_numbers
 from ..errors import InputError, require, shortened
-from ..module import AbstractHostModule
 from .rotation import Turn, Way, shortest_way, way_by_angle
 from .vectors import unit_vector
 
@@ -302,24 +304,12 @@ def connected_labels(
     count: int, links: Int[np.ndarray, "l 2"]
 ) -> Int[np.ndarray, "count"]:
     """Label each node of a graph with the lowest node of its connected part."""
-    label = np.arange(count)
-    start, end = links.T
-    while True:
-        first = label[start]
-        second = label[end]
-        apart = np.flatnonzero(first != second)
-        if not len(apart):
-            return label
-        start = start[apart]
-        end = end[apart]
-        first = first[apart]
-        second = second[apart]
-        # A part joins one of a lower label: of two parts at least one does.
-        label[np.maximum(first, second)] = np.minimum(first, second)
-        following = label[label]
-        while (following != label).any():
-            label = following
-            following = label[label]
+    # Truth values, since a link may occur often: sums of its numbers could wrap to 0.
+    linked = np.ones(len(links), bool)
+    graph = coo_array((linked, tuple(links.T)), shape=(count, count))
+    _, component = connected_components(graph, directed=False)
+    _, lowest_node = np.unique(component, return_index=True)
+    return lowest_node[component]
 
 
 def is_closed(
@@ -375,7 +365,7 @@ _SAME_PLACE = 1e-6
 _SAME_TURN = 1e-9
 
 
-class Pose(AbstractHostModule):
+class Pose(Module):
     """Rigid placement of a body in the world: x -> rotation x + translation."""
 
     translation: tuple[float, float, float] = static_numbers((0.0, 0.0, 0.0))

@@ -126,7 +126,7 @@ def value_at(value: Any, time: Time | HostTime) -> Float[Array, "..."]:
     return jnp.asarray(value(time) if callable(value) else value, time.dtype)
 
 
-# One program: the search for a piece has many operations, one by one for each bit.
+# One program, where single operations would compile one after the other.
 @eqx.filter_jit
 def _value_of_window(value: AbstractVarying, start: SplitTimes) -> Float[Array, "..."]:
     """The value at the start of a window [s]."""

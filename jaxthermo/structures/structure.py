@@ -13,12 +13,12 @@ from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
+from equinox import Module
 from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
 from ..errors import InputError, require
 from ..memo.found import found
-from ..module import AbstractHostModule
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.grid import VoxelGrid
 from .weights import ConductionWeights, as_weights
@@ -98,7 +98,7 @@ def check_grid(grid: Any, structure: str) -> None:
     require(grid, classes=VoxelGrid, argument=f"{structure}(grid=)", give=give)
 
 
-class AbstractStructure(AbstractHostModule):
+class AbstractStructure(Module):
     """Nodes, links and surface of one body."""
 
     grid: eqx.AbstractVar[AbstractGrid]
