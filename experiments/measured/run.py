@@ -158,7 +158,7 @@ _WALL_LIMITS = {
     source=_TWIN_HOUSE,
     requirement="outer surface 1.5 K rms without a fit and 1.0 K on the half of the "
     "days that it was not fitted to; layer 0.2 K",
-    method="two sheets of 6 and 13 cells; steps of 10 min",
+    method="two sheets of 6 and 14 cells; steps of 10 min",
 )
 def _wall() -> Iterator[Row]:
     columns = data.read_table("twin_house_west_wall.csv")

@@ -20,7 +20,8 @@ _STEP = 600.0  # [s]
 # The same stages for all numbers, so that they share a program.
 _SOLVER = jt.SuperTimeStepping(dt=_STEP, stages=9)
 _GAP = 1e-3  # [m]
-_SHORTEST_TIME = 600.0  # [s]
+_CELLS = (6, 14)
+"""Numbers of cells through both sheets."""
 OUTSIDE = jt.Face("front", body=0)
 
 
@@ -39,12 +40,14 @@ def scene(columns: Columns, law: WindLaw = WATMUFF) -> jt.Scene:
                 jt.shapes.rectangle(1.0, 1.0),
                 layers,
                 pitch=2.0,
-                shortest_time=_SHORTEST_TIME,
+                cells=cells,
             ),
             temperature=float((outside[0] + inside[0]) / 2),
             pose=jt.Pose((0.0, 0.0, height)),
         )
-        for layers, height in ((OUTER_WALL, _GAP), (INNER_WALL, 0.0))
+        for layers, height, cells in zip(
+            (OUTER_WALL, INNER_WALL), (_GAP, 0.0), _CELLS, strict=True
+        )
     )
     wind = jt.LinearWind(
         table(columns["wind_m_s"]),
