@@ -83,7 +83,7 @@ def test_candidates_are_the_joints_that_the_scene_finds(tmp_path):
     )
     names = [body.name for body in config.bodies]
     joined = {
-        tuple(sorted(names[number] for number in part.bodies))
+        tuple(sorted(str(names[number]) for number in part.bodies))
         for part in compile_scene(config.build()).receipt.parts
         if part.mechanism.startswith(("contact", "seam"))
     }

@@ -71,8 +71,7 @@ def test_a_cavity_between_six_bodies_is_that_of_one_box(lid):
     square = jt.shapes.rectangle(1.0, 1.0)
     bodies = []
     for number, (axis, side, turn) in enumerate(PANELS):
-        place = np.zeros(3)
-        place[axis] = 0.5 * side
+        x, y, z = 0.5 * side * np.eye(3)[axis]
         if lid == "solid" and number == 0:
             slab = jt.voxelize(jt.shapes.box((1.0, 1.0, 0.1)), 0.1)
             grey_lid = jt.Material(45.0, 7850.0, specific_heat=480.0, emissivity=1.0)
@@ -84,7 +83,7 @@ def test_a_cavity_between_six_bodies_is_that_of_one_box(lid):
         # Every other one with its front inside.
         faces = square.faces[:, :: 1 if number % 2 else -1]
         sheet = jt.Sheet(jt.Mesh(square.vertices, faces), grey(1.0), 0.2)
-        pose = jt.Pose(tuple(place.tolist()), turn.rotation)
+        pose = jt.Pose((x, y, z), turn.rotation)
         bodies.append(jt.Body(sheet, temperature=350.0, pose=pose))
     hot = 5
     temperatures = [
