@@ -89,7 +89,8 @@ class GltfWriter:
         children = {child for node in nodes for child in node.get("children", [])}
         roots = [number for number in range(len(nodes)) if number not in children]
         buffer: Any = {"byteLength": len(self.buffer)} | ({"uri": uri} if uri else {})
-        return {"scenes": [{"nodes": roots}]} | self.document | {"buffers": [buffer]}
+        scenes = self.document.get("scenes", [{"nodes": roots}])
+        return self.document | {"scenes": scenes, "buffers": [buffer]}
 
     def glb(self) -> bytes:
         """The file as GLB."""

@@ -68,6 +68,8 @@ def may_meet(
 
     Spheres around all points and all triangles decide, with a margin [m].
     """
+    if not len(points) or not len(triangles):
+        return np.zeros(len(directions), bool)
     centre, radius = _sphere(points)
     other_centre, other_radius = _sphere(triangles.reshape(-1, 3))
     offset = other_centre - centre

@@ -58,3 +58,13 @@ def test_lines_beside_triangles_are_not_flagged():
     directions = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
     assert may_meet(points, triangles, directions, 1.9).tolist() == [False, True, False]
     assert may_meet(points, triangles, directions, 2.1).tolist() == [True, True, True]
+
+
+def test_nothing_is_met_where_nothing_is():
+    points = np.zeros((1, 3))
+    none = np.zeros((0, 3, 3))
+    assert may_meet(points, none, np.eye(3), 1.0).tolist() == [False] * 3
+    assert (
+        may_meet(points[:0], np.zeros((1, 3, 3)), np.eye(3), 1.0).tolist()
+        == [False] * 3
+    )
