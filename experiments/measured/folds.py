@@ -65,21 +65,16 @@ def residuals_of(problem: Problem) -> Residuals:
 
 
 def fitted(
-    residuals: Residuals,
-    used: Bool[np.ndarray, " t"],
-    start: Float[np.ndarray, " p"] | None = None,
+    residuals: Residuals, used: Bool[np.ndarray, " t"]
 ) -> Float[np.ndarray, " p"]:
-    """Coordinates that are fitted to the rows that are used.
-
-    `start` is a fit to other rows, from which it takes less time; None for none.
-    """
+    """Coordinates that are fitted to the rows that are used."""
 
     def slope(z: np.ndarray) -> Any:
         return residuals.slope(z)[used]
 
     result = least_squares(
         lambda z: residuals.at(z)[used],
-        x0=np.zeros(residuals.size) if start is None else start,
+        x0=np.zeros(residuals.size),
         jac=cast(Any, slope),
         method="lm",
         xtol=1e-6,
@@ -95,11 +90,9 @@ def left_out(
 ) -> Float[np.ndarray, " t"]:
     """Errors of each fold with the numbers fitted to the rows of all others [K]."""
     errors = np.zeros(len(fold))
-    z = None
     for number in np.unique(fold):
         is_out = fold == number
-        z = fitted(residuals, used & ~is_out, start=z)
-        errors[is_out] = residuals.at(z)[is_out]
+        errors[is_out] = residuals.at(fitted(residuals, used & ~is_out))[is_out]
     return errors
 
 

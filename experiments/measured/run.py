@@ -309,4 +309,4 @@ def run(folder: Path, cases: str | None = None) -> CasesResult:
             f"measured: {data.VARIABLE} names no folder with measured series: only "
             "cases of the literature are compared\n"
         )
-    return run_cases(groups, names=cases, folder=folder, texts=PAGE, at_once=2)
+    return run_cases(groups, names=cases, folder=folder, texts=PAGE, at_once=3)
