@@ -20,8 +20,6 @@ _STEP = 600.0  # [s]
 # The same stages for all numbers, so that they share a program.
 _SOLVER = jt.SuperTimeStepping(dt=_STEP, stages=9)
 _GAP = 1e-3  # [m]
-_CELLS = (6, 14)
-"""Numbers of cells through both sheets."""
 OUTSIDE = jt.Face("front", body=0)
 
 
@@ -45,9 +43,7 @@ def scene(columns: Columns, law: WindLaw = WATMUFF) -> jt.Scene:
             temperature=float((outside[0] + inside[0]) / 2),
             pose=jt.Pose((0.0, 0.0, height)),
         )
-        for layers, height, cells in zip(
-            (OUTER_WALL, INNER_WALL), (_GAP, 0.0), _CELLS, strict=True
-        )
+        for layers, height, cells in ((OUTER_WALL, _GAP, 6), (INNER_WALL, 0.0, 14))
     )
     wind = jt.LinearWind(
         table(columns["wind_m_s"]),

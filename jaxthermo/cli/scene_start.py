@@ -111,12 +111,12 @@ def _joints(parts: Mapping[str, DividedPart]) -> Iterator[str]:
         yield _JOINTS
     while pairs:
         counts = Counter(name for pair in pairs for name in pair)
-        # The first of those that touch most others.
-        first = max(names, key=lambda name: counts[name])
-        others = [b if a == first else a for a, b in pairs if first in (a, b)]
-        pairs = [pair for pair in pairs if first not in pair]
-        both = [first, others if others[1:] else others[0]]
-        yield f"    - {write_flow({'parts': both, 'conductance': 'bonded'})}\n"
+        # The first of those that touch most parts.
+        hub = max(names, key=lambda name: counts[name])
+        neighbours = [b if a == hub else a for a, b in pairs if hub in (a, b)]
+        pairs = [pair for pair in pairs if hub not in pair]
+        ends = [hub, neighbours if neighbours[1:] else neighbours[0]]
+        yield f"    - {write_flow({'parts': ends, 'conductance': 'bonded'})}\n"
 
 
 def _rule(group: _Group, parts: list[Mesh]) -> dict[str, object]:

@@ -9,13 +9,14 @@ plates and 4 for cylinders and spheres are in use, too). Flows against each othe
 which h^3 is the difference, are not told apart.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from itertools import permutations
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ..flux_law import Forcing
@@ -82,35 +83,58 @@ class MixedConvection(AbstractFilmLaw):
         )
 
 
-def mixed(
+class Beside(NamedTuple):
+    """A binding of convection beside another one."""
+
+    place: int
+    """Its place among the bindings."""
+    acts: Bool[np.ndarray, " s"]
+    """Fragments on which both act."""
+
+
+def mixing(
     bindings: Sequence[tuple[int, Binding]],
-    fractions: Sequence[Float[np.ndarray, " s"]],
-) -> tuple[tuple[int, Binding], ...]:
-    """Bindings, those of convection with the part that each has where several act.
+    fraction: Callable[[int], Float[np.ndarray, " s"]],
+) -> dict[int, list[Beside]]:
+    """Bindings of convection beside which others act, by their places, with these.
 
     Args:
         bindings: with the numbers of their terms. Bindings of one term do not mix.
-        fractions: of each fragment that each binding ever acts on.
+        fraction: of each fragment that the binding of a place ever acts on.
     """
-    convective = [
-        (number, binding.law, fraction)
-        for (number, binding), fraction in zip(bindings, fractions, strict=True)
+    terms = {
+        place: number
+        for place, (number, binding) in enumerate(bindings)
         if isinstance(binding.law, AbstractFilmLaw)
-    ]
-    parts = []
-    for (number, binding), fraction in zip(bindings, fractions, strict=True):
-        law = binding.law
-        others = [
-            (other, overlap(fraction, beside))
-            for n, other, beside in convective
-            if n != number and overlap(fraction, beside).any()
-        ]
-        if isinstance(law, AbstractFilmLaw) and others:
-            dtype = binding.effective_area.dtype
-            law = MixedConvection(
-                law,
-                others=tuple(other for other, _ in others),
-                acts=tuple(acts.astype(dtype) for _, acts in others),
-            )
-        parts.append((number, binding._replace(law=law)))
-    return tuple(parts)
+    }
+    if len(set(terms.values())) < 2:
+        return {}
+    fractions = {place: fraction(place) for place in terms}
+    beside: dict[int, list[Beside]] = {}
+    for first, second in permutations(terms, 2):
+        acts = overlap(fractions[first], fractions[second])
+        if terms[first] != terms[second] and acts.any():
+            beside.setdefault(first, []).append(Beside(second, acts))
+    return beside
+
+
+def mixed(
+    bindings: Sequence[tuple[int, Binding]], beside: Mapping[int, Sequence[Beside]]
+) -> list[tuple[int, Binding]]:
+    """Bindings, those of convection with the part that each has beside others."""
+    parts = list(bindings)
+    for place, neighbours in beside.items():
+        number, binding = bindings[place]
+        dtype = binding.effective_area.dtype
+        law = MixedConvection(
+            _film_law(binding),
+            others=tuple(_film_law(bindings[n.place][1]) for n in neighbours),
+            acts=tuple(n.acts.astype(dtype) for n in neighbours),
+        )
+        parts[place] = number, binding._replace(law=law)
+    return parts
+
+
+def _film_law(binding: Binding) -> AbstractFilmLaw:
+    assert isinstance(binding.law, AbstractFilmLaw)
+    return binding.law

@@ -15,7 +15,7 @@ from ...network.segment_sums import sums_of_lists
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import Joint
 from ...physics.convection.enclosed_air import AirExchange, EnclosedAir
-from ...physics.convection.mixed_convection import mixed
+from ...physics.convection.mixed_convection import Beside, mixed, mixing
 from ...physics.flux_law import bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -161,15 +161,18 @@ class ProgramBuilder:
         return acting(self.snapshots)
 
     @cached_property
-    def _fractions(self) -> list[Float[np.ndarray, " s"]]:
-        """Fraction of each fragment that each natural binding ever acts on."""
+    def _mixing(self) -> dict[int, list[Beside]]:
+        """Natural bindings of convection that act beside others at any snapshot."""
         first = self.snapshots[0]
-        fractions = []
-        for (number, _), is_acting in zip(first.natural, self._acting, strict=False):
+
+        def fraction(place: int) -> Float[np.ndarray, " s"]:
+            number, _ = first.natural[place]
             term = self.scene.terms[number]
             assert isinstance(term, AbstractSurfaceTerm)
-            fractions.append(acting_fraction(term, first.surface, is_acting))
-        return fractions
+            # Natural bindings are the first of all.
+            return acting_fraction(term, first.surface, self._acting[place])
+
+        return mixing(first.natural, fraction)
 
     def programs(self) -> tuple[tuple[Program, ...], tuple[str, ...]]:
         """The program of each snapshot, all with arrays of the same shapes, and notes.
@@ -261,7 +264,7 @@ class ProgramBuilder:
         return SurfaceTerms(
             names=tuple(self._names.values()),
             half_cell=half_cell,
-            natural=numbered(mixed(snapshot.natural, self._fractions)),
+            natural=numbered(mixed(snapshot.natural, self._mixing)),
             prescribed=numbered(snapshot.prescribed),
             radiating=numbered(snapshot.radiating),
         )
