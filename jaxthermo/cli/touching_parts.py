@@ -86,7 +86,7 @@ def _touching_area(part: DividedPart, other: DividedPart, gap: float) -> float:
 def _touching_length(part: DividedPart, other: DividedPart, gap: float) -> float:
     """Length of the border of a part within a gap of another one [m]."""
     edges = edges_of(part.mesh.faces)
-    alone = np.flatnonzero(edges.uses[edges.edge] == 1)
+    alone = edges.border
     start = part.mesh.vertices[edges.start[alone]]
     along = part.mesh.vertices[edges.end[alone]] - start
     length = np.linalg.norm(along, axis=1)

@@ -262,6 +262,11 @@ class Edges:
         """Both half-edges of the edges that have two."""
         return self.order[np.repeat(self.uses == 2, self.uses)].reshape(-1, 2)
 
+    @property
+    def border(self) -> Int[np.ndarray, " b"]:
+        """Half-edges of the free border, along which there is no other face."""
+        return np.flatnonzero(self.uses[self.edge] == 1)
+
     def joins(self, ends: Int[np.ndarray, "p 2"]) -> Bool[np.ndarray, " p"]:
         """Flag pairs of vertices that an edge joins."""
         width = int(max(self.high.max(initial=0), ends.max(initial=0))) + 1

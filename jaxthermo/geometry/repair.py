@@ -224,7 +224,7 @@ def _fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
 def _boundary_loops(faces: Int[np.ndarray, "f 3"]) -> list[list[int]]:
     """List the holes as rings of vertices, in the winding of a face that fills them."""
     edges = edges_of(faces)
-    lone = edges.uses[edges.edge] == 1
+    lone = edges.border
     onward: dict[int, list[int]] = {}
     for tail, head in zip(edges.end[lone], edges.start[lone], strict=True):
         onward.setdefault(int(tail), []).append(int(head))

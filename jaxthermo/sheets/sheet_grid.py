@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 from typing_extensions import override
 from wadler_lindig import TextDoc
 
+from ..arrays import Numbered, numbered
 from ..geometry.mesh import Mesh
 from ..geometry.vectors import row_length, triangle_normals, unit_vectors
 from ..voxels.abstract_grid import AbstractGrid
@@ -170,15 +171,24 @@ class SheetGrid(AbstractGrid):
         return 2 * self.fragment_cavity + self.fragment_face
 
     @cached_property
+    def _origins(self) -> Numbered:
+        """Faces of the mesh that the triangles of the cells are pieces of."""
+        return numbered(self.cells.face_origin)
+
+    @property
     def traced_faces(self) -> Int[np.ndarray, " f"]:
         """Faces of the mesh that are surface: others are double or have no area."""
-        return np.unique(self.cells.face_origin)
+        return self._origins.value
+
+    @property
+    def traced_face(self) -> Int[np.ndarray, " t"]:
+        """Rank among `traced_faces` of the face that each triangle is a piece of."""
+        return self._origins.number
 
     @cached_property
     def face_space(self) -> Int[np.ndarray, "f 2"]:
         """Space, as in `fragment_space`, on both sides of each of `traced_faces`."""
-        _, piece = np.unique(self.cells.face_origin, return_index=True)
-        return 2 * self._cavity_ahead(piece) + [FRONT, BACK]
+        return 2 * self._cavity_ahead(self._origins.first) + [FRONT, BACK]
 
     def _cavity_ahead(self, triangle: Int[np.ndarray, " t"]) -> Int[np.ndarray, "t 2"]:
         """Number of the cavity in front of and behind triangles of the cells."""

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
 from ..arrays import rank_in_group
-from ..geometry.mesh import edges_of
+from ..geometry.mesh import Edges, edges_of
 from ..geometry.vectors import row_dot, unit_vectors
 
 
@@ -35,7 +34,7 @@ class Surface:
     """Unit normal of the face of the mesh."""
 
     @cached_property
-    def edges(self) -> Any:
+    def edges(self) -> Edges:
         """Half-edges of the proper faces, as by `edges_of`."""
         return edges_of(self.proper)
 
@@ -126,14 +125,9 @@ class Surface:
         )
 
     @cached_property
-    def border_sides(self) -> Int[np.ndarray, " b"]:
-        """Half-edges of the free border."""
-        return np.flatnonzero(self.edges.uses[self.edges.edge] == 1)
-
-    @cached_property
     def border(self) -> Int[np.ndarray, "b 2"]:
         """Ends of the edges of the free border."""
-        sides = self.border_sides
+        sides = self.edges.border
         return np.stack([self.edges.start[sides], self.edges.end[sides]], axis=1)
 
     @cached_property

@@ -219,7 +219,7 @@ def open_seams(surface: Surface, distance: float) -> float:
         length.max() / 2 + distance, output_type="ndarray"
     )
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
-    corners = surface.proper[surface.border_sides // 3]
+    corners = surface.proper[surface.edges.border // 3]
     first, second = pairs.T
     is_shared = np.zeros(len(pairs), bool)
     for corner in corners.T:

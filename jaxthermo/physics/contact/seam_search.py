@@ -148,7 +148,7 @@ class _Outline:
             return None
         proper = np.flatnonzero(proper_faces(grid.cells.faces))
         edges = edges_of(grid.cells.faces[proper])
-        alone = np.flatnonzero(edges.uses[edges.edge] == 1)
+        alone = edges.border
         triangle = proper[alone // 3]
         corner = alone % 3
         corners = self.triangles[triangle]

@@ -196,11 +196,10 @@ def _nearest_thirds(
 ) -> Int[np.ndarray, " k"]:
     """Nearest third of a triangle of a face's cells to each point on the face."""
     position = grid.thirds.position
-    _, of_triangle = np.unique(grid.cells.face_origin, return_inverse=True)
     # In a fourth dimension faces are farther apart than anything on one of them: leaves
     # of a wall may be close to each other.
     apart = 2 * float(np.linalg.norm(np.ptp(position, axis=0))) + 1.0
-    tree = KDTree(np.column_stack([position, np.repeat(apart * of_triangle, 3)]))
+    tree = KDTree(np.column_stack([position, np.repeat(apart * grid.traced_face, 3)]))
     _, third = tree.query(np.column_stack([points, apart * face]))
     return np.asarray(third)
 

@@ -25,6 +25,8 @@ def test_the_edge_table_is_that_of_a_search_edge_by_edge():
     assert edges.first.tolist() == [halves[0] for halves in users]
     assert edges.order.tolist() == sum(users, [])
     assert edges.pairs.tolist() == [halves for halves in users if len(halves) == 2]
+    lone = sorted(halves[0] for halves in users if len(halves) == 1)
+    assert edges.border.tolist() == lone
     ways = [[np.sign(edges.end[h] - edges.start[h]) for h in half] for half in users]
     # An edge from a vertex to itself counts as one downward.
     balance = [sum(1 if way > 0 else -1 for way in of_edge) for of_edge in ways]
