@@ -207,6 +207,10 @@ def _severity(check: Check) -> float:
     if check.expected is None:
         if check.passes is False:
             return math.inf
+        if check.passes is None:
+            return 0.0
+        if check.lowest == -check.highest:
+            return abs(check.computed) / check.highest if check.highest else 0.0
         one_sided = check.lowest == -math.inf and 0 < check.highest < math.inf
         return max(0.0, check.computed / check.highest) if one_sided else 0.0
     if not check.tolerance:

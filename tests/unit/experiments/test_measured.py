@@ -5,7 +5,7 @@ import pytest
 
 from calibrate.problem.parameters import Parameter, ParameterSet
 from experiments import catalogue
-from experiments.harness.case import REPORTED, Group, Row, case, near
+from experiments.harness.case import REPORTED, Group, Row, case, check, near
 from experiments.measured import data, literature, peers, soil
 from experiments.measured.folds import Residuals, fitted, judged, left_out, rms
 from experiments.measured.rows import by_group, fitted_values, limited
@@ -134,3 +134,16 @@ def test_soil_with_a_linear_profile_stays_as_it_is():
     errors = soil.errors(columns, "moist_soil")
     assert list(errors) == ["ground_50cm_degC", "ground_100cm_degC"]
     np.testing.assert_allclose(list(errors.values()), 0.0, atol=1e-9)
+
+
+def test_the_worst_number_is_the_one_nearest_to_its_limit():
+    """What is only reported is behind all that has a limit."""
+
+    @case("one", title="errors", source="none", requirement="1 K, 5 K")
+    def one():
+        yield Row(checks=(limited("reported", 9.0, np.inf),))
+        yield Row(checks=(limited("near", -0.9, 1.0), limited("far", 2.0, 5.0)))
+
+    worst = check(one).worst
+    assert worst is not None
+    assert worst.name == "near"
