@@ -103,10 +103,12 @@ def looked_at(address: str, path: Path) -> tuple[np.ndarray, str]:
     with sync_playwright() as tool:
         browser = tool.chromium.launch(executable_path=CHROMIUM, args=BY_SOFTWARE)
         page = browser.new_page(viewport={"width": 1280, "height": 720})
+        # Drawn by software, beside other tests, a picture may take seconds.
+        page.set_default_timeout(180_000)
         mistakes: list[str] = []
         page.on("pageerror", lambda error: mistakes.append(str(error)))
         page.goto(address)
-        page.get_by_text("paused").wait_for(timeout=60_000)
+        page.get_by_text("paused").wait_for()
         page.get_by_role("button", name="Play").click()
         page.get_by_text("frames/s").wait_for()
         box = page.locator("canvas").first.bounding_box()
@@ -114,7 +116,7 @@ def looked_at(address: str, path: Path) -> tuple[np.ndarray, str]:
         middle_x = box["x"] + box["width"] / 2
         middle_y = box["y"] + box["height"] / 2
         page.mouse.click(middle_x, middle_y)
-        page.locator(".uplot canvas").first.wait_for(timeout=30_000)
+        page.locator(".uplot canvas").first.wait_for()
         # Both speeds are measured over two seconds.
         page.get_by_text(re.compile(r"\d simulated s/s, \d")).wait_for()
         page.screenshot(path=path)
