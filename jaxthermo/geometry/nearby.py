@@ -1,10 +1,10 @@
-"""Boxes with common points, nearest triangles of points, and lines that pass by."""
+"""Boxes with common points, and nearest triangles of points."""
 
 from typing import Any, NamedTuple
 
 import lazy_loader
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 
@@ -56,29 +56,3 @@ def nearest_triangles(
     is_first = np.diff(sample[order], prepend=-1) != 0
     chosen = order[is_first]
     return NearestTriangles(sample[chosen], triangle[chosen], closest[chosen])
-
-
-def may_meet(
-    points: Float[np.ndarray, "k 3"],
-    triangles: Float[np.ndarray, "f 3 3"],
-    directions: Float[np.ndarray, "d 3"],
-    margin: float,
-) -> Bool[np.ndarray, " d"]:
-    """Flag directions along which lines through points may pass near triangles.
-
-    Spheres around all points and all triangles decide, with a margin [m].
-    """
-    if not len(points) or not len(triangles):
-        return np.zeros(len(directions), bool)
-    centre, radius = _sphere(points)
-    other_centre, other_radius = _sphere(triangles.reshape(-1, 3))
-    offset = other_centre - centre
-    aside = np.cross(directions, offset)
-    reach = radius + other_radius + margin
-    return (aside**2).sum(axis=1) <= reach**2
-
-
-def _sphere(points: Float[np.ndarray, "k 3"]) -> tuple[Float[np.ndarray, "3"], float]:
-    """Centre and radius of a sphere around points [m]."""
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    return centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).max()))

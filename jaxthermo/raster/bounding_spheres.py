@@ -1,4 +1,4 @@
-"""Spheres around triangles, to leave out those that are beside an image."""
+"""Spheres around triangles, to leave out those that an image or lines do not meet."""
 
 from typing import NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import linear_map
+from ..geometry.vectors import row_dot
 from ..memo.found import found
 
 
@@ -73,3 +74,22 @@ class BoundingSpheres(NamedTuple):
         number = (_RUN * run[:, None] + np.arange(_RUN)).reshape(-1)
         number = number[number < len(self.triangles.radius)]
         return number[self.triangles.some(number).reach_into(spaces)]
+
+    def meet(
+        self,
+        points: Float[np.ndarray, "k 3"],
+        directions: Float[np.ndarray, "d 3"],
+        margin: float,
+    ) -> Bool[np.ndarray, " d"]:
+        """Flag unit directions along which lines through points may meet triangles.
+
+        A sphere around all points and those around runs decide, with a margin [m].
+        """
+        if not len(points):
+            return np.zeros(len(directions), bool)
+        around = _Spheres.around(points.min(axis=0)[None], points.max(axis=0)[None])
+        offset = self.runs.centre - around.centre
+        reach = self.runs.radius + around.radius + margin
+        along = linear_map(offset, directions.T)
+        aside = row_dot(offset, offset)[:, None] - along**2
+        return np.any(aside <= reach[:, None] ** 2, axis=0)

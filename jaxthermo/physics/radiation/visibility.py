@@ -21,7 +21,6 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ...arrays import linear_map
 from ...errors import InputError
-from ...geometry.nearby import may_meet
 from ...geometry.vectors import row_dot, tangents
 from ...host_memory import require_memory
 from ...memo.found import found
@@ -202,7 +201,8 @@ def sunlit_samples(
     if not len(facing):
         return lit
     margin = _MARGIN * float(np.max(pitch))
-    if not may_meet(position[facing], triangles, ahead[None], margin):
+    spheres = BoundingSpheres.of(triangles)
+    if not spheres.meet(position[facing], ahead[None], margin):
         lit[facing] = len(_LIT) - 1
         return lit
     # The map covers only surfaces that may be lit: a vast ground costs nothing.
@@ -309,9 +309,8 @@ def lines_to_surroundings(
     # All directions point upward: the sky is half 0, the opposite directions half 1,
     # the ground. The first depth layer of a map shows the points that are visible from
     # one side, the last layer those from the other: one map for two directions.
-    for number in np.flatnonzero(
-        may_meet(position, triangles, upward, _MARGIN * pixel)
-    ):
+    may_meet = BoundingSpheres.of(triangles).meet(position, upward, _MARGIN * pixel)
+    for number in np.flatnonzero(may_meet):
         view = orthographic_view(position, upward[number], pixel)
         is_free[number] = _sees_out(view, triangles, position, normal)
     return np.packbits(is_free, axis=0)

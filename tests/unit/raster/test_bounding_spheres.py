@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.raster.bounding_spheres import BoundingSpheres
@@ -71,3 +72,37 @@ def test_no_triangles_have_no_spheres():
     spheres = BoundingSpheres.of(np.zeros((0, 3, 3)))
     over = spheres.reaching_into(view.half_spaces(np.array([0, 0]), np.array([4, 4])))
     assert over.shape == (0,)
+
+
+@settings(deadline=None, max_examples=100)
+@given(seed=st.integers(0, 10**6), distance=st.floats(0.0, 6.0))
+def test_lines_that_pass_near_triangles_are_flagged(seed, distance):
+    """By the closest approach of the lines through all points to all corners."""
+    random = np.random.default_rng(seed)
+    points = random.normal(size=(5, 3))
+    triangles = random.normal(size=(4, 3, 3)) + [distance, 0.0, 0.0]
+    directions = random.normal(size=(40, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    way = triangles.reshape(-1, 3) - points[:, None]
+    aside = np.cross(directions[:, None, None], way)
+    nearest = np.linalg.norm(aside, axis=-1).min(axis=(1, 2))
+    flags = BoundingSpheres.of(triangles).meet(points, directions, 0.1)
+    assert flags[nearest <= 0.1].all()
+
+
+@pytest.mark.parametrize("margin", [1.9, 2.1])
+def test_lines_beside_triangles_are_not_flagged(margin):
+    points = np.array([[0.0, 0, 0], [1.0, 0, 0]])
+    spheres = BoundingSpheres.of(points[None, [0, 1, 1]] + [0.0, 3.0, 0.0])
+    is_near = margin > 2
+    flags = spheres.meet(points, np.eye(3), margin)
+    assert flags.tolist() == [is_near, True, is_near]
+
+
+def test_nothing_is_met_where_nothing_is():
+    points = np.zeros((1, 3))
+    none = np.zeros((0, 3, 3))
+    degenerate = np.zeros((1, 3, 3))
+    for triangles, origins in ((none, points), (degenerate, points[:0])):
+        flags = BoundingSpheres.of(triangles).meet(origins, np.eye(3), 1.0)
+        assert flags.tolist() == [False] * 3
