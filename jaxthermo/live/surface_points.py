@@ -17,7 +17,8 @@ from ..geometry.sample import mesh_sample
 from ..geometry.vectors import row_dot, unit_vector
 from ..image.colour.palette import apply_palette
 from ..image.surface.facets import smooth_normals
-from ..image.surface.weights import block_matrix, smooth_weights
+from ..image.surface.shapes import Bodies, ShapePoints
+from ..image.surface.weights import smooth_weights
 from ..scene.scene import BodyGeometry, SolvedSurface
 
 
@@ -59,12 +60,12 @@ def surface_points(
     surfaces: tuple[SolvedSurface, ...], count: int = _POINTS
 ) -> SurfacePoints:
     """Spread about `count` points over the surfaces of all bodies."""
-    bodies = [surface.geometry for surface in surfaces]
-    area = [float(geometry.fragment_area.sum()) for geometry in bodies]
+    geometries = [surface.geometry for surface in surfaces]
+    area = [float(geometry.fragment_area.sum()) for geometry in geometries]
     edge = float(np.sqrt(sum(area) / count))
     position = []
-    weights = []
-    for body_area, geometry in zip(area, bodies, strict=True):
+    parts = []
+    for body_area, geometry in zip(area, geometries, strict=True):
         random = max(1000, round(_PER_CELL * count * body_area / sum(area)))
         points, face = _one_per_cell(geometry, edge, random)
         normal = smooth_normals(
@@ -73,12 +74,18 @@ def surface_points(
         if geometry.is_two_sided:
             points = np.concatenate([points, points])
             normal = np.concatenate([normal, -normal])
-        weights.append(smooth_weights(points, normal, geometry))
+        parts.append((points, normal))
         if geometry.is_two_sided:
             # Each side in front of the other one.
             points = points + edge / 2 * normal
         position.append(points.astype(np.float32))
-    single = csr_array(block_matrix(weights), dtype=np.float32)
+    bodies = Bodies.of(surfaces)
+    body = np.repeat(np.arange(len(parts)), [len(points) for points in position])
+    points, normal = map(np.concatenate, zip(*parts, strict=True))
+    weights = smooth_weights(
+        ShapePoints(bodies.shape[body], points, normal), bodies.shapes
+    )
+    single = csr_array(bodies.of_fragments(weights, body), dtype=np.float32)
     return SurfacePoints(tuple(position), single, _OVERLAP * edge)
 
 

@@ -19,6 +19,7 @@ from ...memo.found import found
 from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
 from ..colour.palette import apply_palette
 from ..surface.facets import corner_normals
+from ..surface.shapes import ShapePoints, Shapes
 from ..surface.weights import smooth_weights
 from .gltf import GltfMesh, linear_colours, write_meshes
 from .vtu import write_triangles
@@ -78,15 +79,18 @@ def _vertex_mesh(
     vertices = columns[:, :3]
     normals = columns[:, 3:]
     normals = unit_vectors(normals)
+    shapes = Shapes.of((geometry,))
+    front = ShapePoints.of_one(vertices, normals)
     back_weights = None
     if geometry.is_two_sided:
-        back_weights = smooth_weights(vertices, -normals, geometry)
+        back = front._replace(normal=-normals)
+        back_weights = smooth_weights(back, shapes)
     return _VertexMesh(
         vertices=vertices,
         normals=normals,
         faces=faces,
         parent=parent,
-        weights=smooth_weights(vertices, normals, geometry),
+        weights=smooth_weights(front, shapes),
         back_weights=back_weights,
     )
 

@@ -23,6 +23,7 @@ from ...geometry.vectors import unit_vectors
 from ...scene.scene import BodyGeometry
 from ..colour.palette import apply_palette
 from ..surface.facets import corner_normals
+from ..surface.shapes import ShapePoints, Shapes
 from ..surface.weights import smooth_weights
 from .exr import write_channels
 from .gltf import GltfMesh, write_meshes
@@ -105,7 +106,8 @@ def _build_atlas(geometry: BodyGeometry) -> _Atlas:
         return np.einsum("tc,tci->ti", share, corners[owner])
 
     ahead = unit_vectors(mixed(creased.normals[creased.faces]))
-    weights = smooth_weights(mixed(triangles), ahead, geometry)
+    texels = ShapePoints.of_one(mixed(triangles), ahead)
+    weights = smooth_weights(texels, Shapes.of((geometry,)))
     uv = _coordinates(cells)
     return _Atlas(
         vertices=vertices,

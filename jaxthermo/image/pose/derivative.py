@@ -30,14 +30,15 @@ from ..surface.abstract_camera import AbstractCamera
 from ..surface.background import Background
 from ..surface.facets import normal_slopes
 from ..surface.linear_weights import linear_slopes, offsets
-from ..surface.view import View, all_weights, in_bodies
+from ..surface.shapes import Bodies, ShapePoints
+from ..surface.view import View, in_bodies
 from ..surface.visible import (
     VisiblePoints,
     on_planes,
     visible_points,
     world_meshes,
 )
-from ..surface.weights import SMOOTHING_RADIUS, MovingWeights
+from ..surface.weights import SMOOTHING_RADIUS, MovingWeights, smooth_weights
 from .pose import POSE_SIZE, moved_camera
 
 
@@ -96,20 +97,17 @@ def linearize_view(
     """
     moved = moved_camera(camera, pose)
     visible, rows = _chosen(surfaces, moved, pixels)
-    corners = _triangles(surfaces, visible)
+    bodies = Bodies.of(surfaces)
+    corners = _triangles(bodies, visible)
     flat = unit_vectors(triangle_normals(corners))
     along = np.stack(tangents(flat))
     visible = on_planes(moved, visible=visible, corner=corners[:, 0], normal=flat)
-    local, normal = in_bodies(surfaces, visible)
-    weights = all_weights(surfaces, visible=visible, local=local, normal=normal)
+    points = in_bodies(bodies, visible)
+    weights = smooth_weights(points, bodies.shapes)
     slopes = _weight_slopes(
-        surfaces,
-        visible=visible,
-        local=local,
-        normal=normal,
-        along=along,
-        weights=weights,
+        bodies, visible=visible, points=points, along=along, weights=weights
     )
+    weights = bodies.of_fragments(weights, visible.body)
     change = _point_motion(camera, pose=pose, visible=visible, flat=flat)
     motion = np.zeros((len(pixels), 2, POSE_SIZE))
     motion[rows] = np.einsum("kpj,pjm->pkm", along, change)
@@ -158,15 +156,12 @@ def _chosen(
     return VisiblePoints(*(field[picked] for field in visible)), rows
 
 
-def _triangles(
-    surfaces: tuple[SolvedSurface, ...], visible: VisiblePoints
-) -> Float[np.ndarray, "p 3 3"]:
+def _triangles(bodies: Bodies, visible: VisiblePoints) -> Float[np.ndarray, "p 3 3"]:
     """Corners of the triangle of each point in the world [m]."""
-    corners = np.empty((len(visible.face), 3, 3))
-    for geometry, points in visible.by_body(surfaces):
-        local = geometry.vertices[geometry.surface_faces[visible.face[points]]]
-        corners[points] = geometry.placed.to_world(local)
-    return corners
+    shapes = bodies.shapes
+    corners = shapes.vertices[shapes.faces[bodies.face_of(visible.face, visible.body)]]
+    body = visible.body.repeat(3)
+    return bodies.to_world(corners.reshape(-1, 3), body).reshape(-1, 3, 3)
 
 
 def _point_motion(
@@ -201,41 +196,34 @@ def _skew(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 
 
 def _weight_slopes(
-    surfaces: tuple[SolvedSurface, ...],
+    bodies: Bodies,
     visible: VisiblePoints,
-    local: Float[np.ndarray, "p 3"],
-    normal: Float[np.ndarray, "p 3"],
+    points: ShapePoints,
     along: Float[np.ndarray, "2 p 3"],
     weights: csr_array,
 ) -> Float[np.ndarray, "2 n"]:
     """Change of the normalized weights along two directions of the surface [1/m]."""
-    body_normal = np.empty_like(local)
-    turned = np.empty_like(along)
-    direction = along.copy()
-    radius = np.empty(len(local))
-    for geometry, on_body in visible.by_body(surfaces):
-        placed = geometry.placed
-        body_normal[on_body] = placed.rotate_back(normal[on_body])
-        direction[:, on_body] = [
-            placed.rotate_back(vectors[on_body]) for vectors in along
-        ]
-        turned[:, on_body] = normal_slopes(
-            geometry.vertices,
-            faces=geometry.surface_faces,
-            face=visible.face[on_body],
-            points=local[on_body],
-            along=direction[:, on_body],
-        )
-        radius[on_body] = SMOOTHING_RADIUS * geometry.pitch
-    row = np.repeat(np.arange(len(local)), np.diff(weights.indptr))
-    position, fragment_normal, area = (
-        np.concatenate([getattr(s.geometry, name) for s in surfaces])[weights.indices]
-        for name in ("fragment_position", "fragment_normal", "fragment_area")
+    shapes = bodies.shapes
+    local = points.position
+    direction = np.stack(
+        [bodies.rotate_back(vectors, visible.body) for vectors in along]
     )
+    turned = normal_slopes(
+        shapes.vertices,
+        faces=shapes.faces,
+        face=bodies.face_of(visible.face, visible.body),
+        points=local,
+        along=direction,
+    )
+    radius = SMOOTHING_RADIUS * shapes.pitch[points.shape]
+    row = np.repeat(np.arange(len(local)), np.diff(weights.indptr))
+    position = shapes.fragment_position[weights.indices]
+    fragment_normal = shapes.fragment_normal[weights.indices]
+    area = shapes.fragment_area[weights.indices]
     away = local[row] - position
     square = radius[row] ** 2
     fade = np.maximum(1 - row_dot(away, away) / square, 0)
-    cosine = np.maximum(row_dot(body_normal[row], fragment_normal), 0)
+    cosine = np.maximum(row_dot(points.normal[row], fragment_normal), 0)
     unnormalized = (fade * cosine) ** 2 * area
     count = len(local)
     total = np.bincount(row, unnormalized, count)
@@ -249,14 +237,14 @@ def _weight_slopes(
         slope = 2 * fade * cosine * area * (closer * cosine + fade * turn)
         all_slopes = np.bincount(row, slope, count)[row]
         slopes.append((slope - unnormalized * all_slopes / total) / total)
-    sides = [surface.geometry.is_two_sided for surface in surfaces]
-    if not any(sides):
+    is_wall = shapes.is_two_sided[points.shape]
+    if not is_wall.any():
         return np.stack(slopes)
     # Those of thin walls have been shifted to the mean position of the point.
-    points = np.flatnonzero(np.array(sides)[visible.body])
-    entries = np.flatnonzero(np.isin(row, points))
-    count = np.diff(weights.indptr)[points]
-    first, second = tangents(body_normal[points])
+    of_walls = points.some(np.flatnonzero(is_wall))
+    entries = np.flatnonzero(is_wall[row])
+    count = np.diff(weights.indptr)[is_wall]
+    first, second = tangents(of_walls.normal)
     linear = np.stack(slopes)
     scale = np.where(alone, 0.0, weights.data * total)
     scale /= np.where(alone, 1.0, unnormalized)
@@ -264,19 +252,19 @@ def _weight_slopes(
         weights.data[entries],
         change=scale[entries] * linear[:, entries],
         offset=offsets(
-            local[points],
-            normals=body_normal[points],
+            of_walls.position,
+            normals=of_walls.normal,
             count=count,
             neighbour=position[entries],
         )
-        / np.repeat(radius[points], count),
+        / radius[row[entries]],
         step=np.stack(
             [
-                [row_dot(tangent[points], first), row_dot(tangent[points], second)]
+                [row_dot(tangent[is_wall], first), row_dot(tangent[is_wall], second)]
                 for tangent in direction
             ]
         )
-        / radius[points],
+        / radius[is_wall],
         count=count,
     )
     return linear

@@ -23,8 +23,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...memo.found import found
-from ...scene.scene import BodyGeometry
-from .weights import CHUNK, Neighbours, block_matrix, cells_of
+from .shapes import Bodies, ShapePoints, Shapes
+from .weights import CHUNK, Neighbours, cells_of
 
 
 # Facets of at least this area [voxel faces] have fragments of their own at every corner
@@ -75,42 +75,49 @@ _JOINED = _Near(_CORNER_RADIUS, _CREASE_COSINE, np.inf)
 
 
 def facet_shading(
-    points: Float[np.ndarray, "p 3"],
+    points: ShapePoints,
     face: Int[np.ndarray, " p"],
-    geometry: BodyGeometry,
-) -> FacetShading:
-    """Find the points on large facets, which may be none, and their weights.
+    body: Int[np.ndarray, " p"],
+    bodies: Bodies,
+) -> FacetShading | None:
+    """Find the points on large facets, and their weights; None without such a point.
 
     Args:
-        points: in the frame of the body [m].
-        face: number of the triangle of each point.
-        geometry: of the body.
+        points: at the surfaces of bodies.
+        face: number of the triangle of each point among those of all shapes.
+        body: number of its body.
+        bodies: all of them.
     """
-    large = _large_facets(geometry)
+    shapes = bodies.shapes
+    large = _large_facets(shapes)
     slot = large.slot[face]
     point = np.flatnonzero(slot >= 0)
-    flat = _face_normals(geometry.vertices, geometry.surface_faces).flat
-    local_mean = _weights(
-        points[point], normals=flat[face[point]], geometry=geometry, near=_LOCAL
-    )
+    flat = _face_normals(shapes.vertices, shapes.faces).flat
+    on_planes = points.some(point)._replace(normal=flat[face[point]])
+    local_mean = _weights(on_planes, shapes, _LOCAL)
     with_mean = np.flatnonzero(_has_mean(local_mean))
     point = point[with_mean]
-    # Corners of the facets that are seen.
-    used, row = np.unique(slot[point], return_inverse=True)
-    corner = (3 * used[:, None] + np.arange(3)).ravel()
-    triangles = geometry.vertices[geometry.surface_faces[face[point]]]
+    if not len(point):
+        return None
+    # Corners of the facets that are seen, of each body its own.
+    facets = np.stack([body[point], slot[point]], axis=1)
+    used, row = np.unique(facets, axis=0, return_inverse=True)
+    corner_body, used_slot = used.T
+    corner_body = corner_body.repeat(3)
+    corner = (3 * used_slot[:, None] + np.arange(3)).ravel()
+    triangles = shapes.vertices[shapes.faces[face[point]]]
     return FacetShading(
         point=point,
-        local_mean=local_mean[with_mean],
-        corner=3 * row[:, None] + np.arange(3),
-        share=_barycentric(triangles, points[point]),
-        joined=large.joined[corner],
-        alone=large.alone[corner],
+        local_mean=bodies.of_fragments(local_mean[with_mean], body[point]),
+        corner=3 * row.reshape(-1, 1) + np.arange(3),
+        share=_barycentric(triangles, points.position[point]),
+        joined=bodies.of_fragments(large.joined[corner], corner_body),
+        alone=bodies.of_fragments(large.alone[corner], corner_body),
     )
 
 
 class _LargeFacets(NamedTuple):
-    """The k facets of a body that are large and not plane."""
+    """The k facets of shapes that are large and not plane."""
 
     slot: Int[np.ndarray, " f"]
     """Number of each face among the large facets; -1 for other faces."""
@@ -120,35 +127,26 @@ class _LargeFacets(NamedTuple):
     """Weights [3 k, s] of F_c."""
 
 
-def _large_facets(geometry: BodyGeometry) -> _LargeFacets:
-    """Large facets, the same for all views and poses of a body."""
-    mesh = geometry.vertices, geometry.surface_faces
-    fragments = geometry.fragment_position, geometry.fragment_normal
-    arrays = *mesh, *fragments, geometry.fragment_area
-    key = "large_facets", float(geometry.pitch)
-    return found(arrays, key, lambda: _find_large_facets(geometry))
+def _large_facets(shapes: Shapes) -> _LargeFacets:
+    """Large facets, the same for all views and poses of bodies."""
+    return found((shapes,), "large_facets", lambda: _find_large_facets(shapes))
 
 
-def _find_large_facets(geometry: BodyGeometry) -> _LargeFacets:
-    vertices = geometry.vertices
-    faces = geometry.surface_faces
-    flat, corner, area, _ = _face_normals(vertices, faces)
-    large = np.flatnonzero(area >= _MIN_AREA * geometry.pitch**2)
+def _find_large_facets(shapes: Shapes) -> _LargeFacets:
+    faces = shapes.faces
+    shape = shapes.of_face
+    flat, corner, area, _ = _face_normals(shapes.vertices, faces)
+    large = np.flatnonzero(area >= _MIN_AREA * shapes.pitch[shape] ** 2)
     cosine = np.einsum("ki,kci->kc", flat[large], corner[large])
     curved = large[cosine.min(axis=1, initial=1.0) < _COPLANAR]
-    corner_points = vertices[faces[curved]].reshape(-1, 3)
-    joined = _weights(
-        corner_points,
-        normals=corner[curved].reshape(-1, 3),
-        geometry=geometry,
-        near=_JOINED,
+    corners = ShapePoints(
+        shape=shape[curved].repeat(3),
+        position=shapes.vertices[faces[curved]].reshape(-1, 3),
+        normal=corner[curved].reshape(-1, 3),
     )
-    alone = _weights(
-        corner_points,
-        normals=flat[curved].repeat(3, axis=0),
-        geometry=geometry,
-        near=_ALONE,
-    )
+    joined = _weights(corners, shapes, _JOINED)
+    on_facet = corners._replace(normal=flat[curved].repeat(3, axis=0))
+    alone = _weights(on_facet, shapes, _ALONE)
     # A corner too sharp for a fragment has no mean.
     usable = (_has_mean(joined) & _has_mean(alone)).reshape(-1, 3).all(axis=1)
     slot = np.full(len(faces), -1)
@@ -161,52 +159,18 @@ def _has_mean(weights: csr_array) -> np.ndarray:
     return np.diff(weights.indptr) > 0
 
 
-def _weights(
-    points: np.ndarray, normals: np.ndarray, geometry: BodyGeometry, near: _Near
-) -> csr_array:
+def _weights(points: ShapePoints, shapes: Shapes, near: _Near) -> csr_array:
     """Weights that add up to 1 at every point with a fragment."""
-    cells = cells_of(geometry, near.radius * geometry.pitch)
+    offset = near.offset * shapes.pitch[points.shape]
 
     def belonging(pairs: Neighbours) -> np.ndarray:
-        normal = normals[pairs.owner]
-        away = geometry.fragment_position[pairs.fragment] - points[pairs.owner]
+        normal = points.normal[pairs.owner]
+        away = shapes.fragment_position[pairs.fragment] - points.position[pairs.owner]
         height = np.abs(row_dot(away, normal))
-        fragment_normal = geometry.fragment_normal[pairs.fragment]
-        cosine = row_dot(fragment_normal, normal)
-        level = height <= near.offset * geometry.pitch
-        return np.flatnonzero(level & (cosine > near.cosine))
+        cosine = row_dot(shapes.fragment_normal[pairs.fragment], normal)
+        return np.flatnonzero((height <= offset[pairs.owner]) & (cosine > near.cosine))
 
-    return cells.means(points, normals, belonging)
-
-
-def joined_shadings(
-    body_points: list[np.ndarray], shadings: list[FacetShading]
-) -> FacetShading | None:
-    """Concatenate the shadings of bodies that share the points of an image.
-
-    The fragments are numbered over all bodies in the result. None without any point.
-    """
-    if not any(len(shading.point) for shading in shadings):
-        return None
-    first_corner = np.cumsum(
-        [0, *(len(shading.joined.indptr) - 1 for shading in shadings)]
-    )
-    point = [
-        points[shading.point]
-        for points, shading in zip(body_points, shadings, strict=True)
-    ]
-    corner = [
-        shading.corner + n
-        for shading, n in zip(shadings, first_corner[:-1], strict=True)
-    ]
-    return FacetShading(
-        point=np.concatenate(point),
-        local_mean=block_matrix([shading.local_mean for shading in shadings]),
-        corner=np.concatenate(corner),
-        share=np.concatenate([shading.share for shading in shadings]),
-        joined=block_matrix([shading.joined for shading in shadings]),
-        alone=block_matrix([shading.alone for shading in shadings]),
-    )
+    return cells_of(shapes, near.radius).means(points, belonging)
 
 
 def smooth_normals(

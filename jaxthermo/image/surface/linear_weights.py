@@ -42,24 +42,26 @@ _CHUNK = 2048
 
 def linear_weights(
     weights: csr_array,
+    rows: Int[np.ndarray, " q"],
     points: Float[np.ndarray, "p 3"],
     normals: Float[np.ndarray, "p 3"],
     position: Float[np.ndarray, "s 3"],
-    radius: float,
+    radius: Float[np.ndarray, " p"],
 ) -> csr_array:
     """Weights [p, s] with the mean positions of the points.
 
     Args:
         weights: weights [p, s] above 0, which add up to 1 in each row.
+        rows: points whose weights are replaced.
         points: at which the means hold [m].
         normals: unit vectors of the planes through the points.
         position: of what has the weights [m].
-        radius: of the weights [m].
+        radius: of the weights at each point [m].
     """
-    data = np.empty_like(weights.data)
+    data = weights.data.copy()
     # Points with about as many neighbours together: a table has room for the most.
-    order = np.argsort(np.diff(weights.indptr), kind="stable")
-    for start in range(0, len(points), _CHUNK):
+    order = rows[np.argsort(np.diff(weights.indptr)[rows], kind="stable")]
+    for start in range(0, len(rows), _CHUNK):
         chosen = order[start : start + _CHUNK]
         first = weights.indptr[chosen]
         count = weights.indptr[chosen + 1] - first
@@ -71,7 +73,8 @@ def linear_weights(
         offset = np.stack(
             [(away * direction).sum(axis=-1) for direction in tangents(normals[chosen])]
         )
-        table = _tilted(np.where(is_entry, weights.data[entry], 0), offset / radius)
+        flat = np.where(is_entry, weights.data[entry], 0)
+        table = _tilted(flat, offset / radius[chosen])
         data[entry[is_entry]] = table[is_entry]
     return csr_array((data, weights.indices, weights.indptr), weights.shape)
 

@@ -20,16 +20,11 @@ from ...scene.scene import BodyGeometry, SolvedSurface
 from .abstract_camera import AbstractCamera
 from .background import Background, compute_background
 from .camera import OrthographicCamera
-from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
+from .facets import FacetShading, facet_shading, smooth_normals
 from .occlusion import screen_space_occlusion
+from .shapes import Bodies, ShapePoints
 from .visible import VisiblePoints, visible_points, world_meshes
-from .weights import (
-    MovingWeights,
-    block_matrix,
-    nearest_weights,
-    smooth_weights,
-    weighted_means,
-)
+from .weights import MovingWeights, nearest_weights, smooth_weights, weighted_means
 
 
 _T = TypeVar("_T")
@@ -296,17 +291,19 @@ def _view_geometry(
     occlusion: float | None,
 ) -> _ViewGeometry:
     visible = visible_points(world_meshes(surfaces), camera)
-    local, normal = in_bodies(surfaces, visible)
+    bodies = Bodies.of(surfaces)
+    body = visible.body
+    points = in_bodies(bodies, visible)
+    face = bodies.face_of(visible.face, body)
+    weights_of = smooth_weights if smooth else nearest_weights
     geometry = _ViewGeometry(
         pixel=visible.pixel,
-        body=visible.body,
+        body=body,
         depth=visible.depth,
-        normal=normal,
-        weights=all_weights(
-            surfaces, visible=visible, local=local, normal=normal, smooth=smooth
-        ),
+        normal=bodies.rotate(points.normal, body),
+        weights=bodies.of_fragments(weights_of(points, bodies.shapes), body),
         open_fraction=None,
-        facets=_all_facets(surfaces, visible, local) if smooth else None,
+        facets=facet_shading(points, face, body, bodies) if smooth else None,
     )
     if occlusion is None:
         return geometry
@@ -325,62 +322,16 @@ def _open_fraction(
     return open_fraction.reshape(-1)[geometry.pixel]
 
 
-def in_bodies(
-    surfaces: tuple[SolvedSurface, ...], visible: VisiblePoints
-) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-    """Points in the frames of their bodies [m], and smooth normals in the world."""
-    local = np.empty_like(visible.position)
-    normal = np.empty_like(visible.position)
-    for geometry, points in visible.by_body(surfaces):
-        local[points] = geometry.placed.to_body(visible.position[points])
-        smooth = smooth_normals(
-            geometry.vertices,
-            faces=geometry.surface_faces,
-            face=visible.face[points],
-            points=local[points],
-        )
-        normal[points] = geometry.placed.rotate(smooth)
-    return local, normal
-
-
-def all_weights(
-    surfaces: tuple[SolvedSurface, ...],
-    visible: VisiblePoints,
-    local: Float[np.ndarray, "p 3"],
-    normal: Float[np.ndarray, "p 3"],
-    smooth: bool = True,
-) -> csr_array:
-    """Weights [p, s] of all fragments at points; `local` and `normal` of `in_bodies`.
-
-    Without `smooth` the nearest fragment alone has a weight.
-    """
-    matrices = []
-    rows = []
-    for geometry, points in visible.by_body(surfaces):
-        rotated = geometry.placed.rotate_back(normal[points])
-        if smooth:
-            matrices.append(smooth_weights(local[points], rotated, geometry))
-        else:
-            matrices.append(nearest_weights(local[points], rotated, geometry))
-        rows.append(np.arange(len(local))[points])
-    if len(matrices) == 1:
-        return matrices[0]
-    # Back into the order of the pixels.
-    return block_matrix(matrices)[np.argsort(np.concatenate(rows))]
-
-
-def _all_facets(
-    surfaces: tuple[SolvedSurface, ...],
-    visible: VisiblePoints,
-    local: Float[np.ndarray, "p 3"],
-) -> FacetShading | None:
-    body_points = []
-    shadings = []
-    for geometry, points in visible.by_body(surfaces):
-        shading = facet_shading(local[points], visible.face[points], geometry)
-        body_points.append(np.arange(len(local))[points])
-        shadings.append(shading)
-    return joined_shadings(body_points, shadings)
+def in_bodies(bodies: Bodies, visible: VisiblePoints) -> ShapePoints:
+    """Visible points in the frames of their bodies, with smooth normals."""
+    position = bodies.to_body(visible.position, visible.body)
+    normal = smooth_normals(
+        bodies.shapes.vertices,
+        faces=bodies.shapes.faces,
+        face=bodies.face_of(visible.face, visible.body),
+        points=position,
+    )
+    return ShapePoints(bodies.shape[visible.body], position, normal)
 
 
 _MAX_VIEWS = 4

@@ -1,18 +1,17 @@
 """Points of surfaces that a camera sees."""
 
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...arrays import consecutive
 from ...errors import InputError
 from ...geometry.mesh import joined, winding_number
 from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...raster.depth_buffer import nearest_hits
 from ...raster.fragments import within_raster
-from ...scene.scene import BodyGeometry, SolvedSurface
+from ...scene.scene import SolvedSurface
 from .abstract_camera import AbstractCamera
 
 
@@ -29,20 +28,6 @@ class VisiblePoints(NamedTuple):
     """World [m]."""
     depth: Float[np.ndarray, " p"]
     """Depth along the optical axis [m]."""
-
-    def by_body(
-        self, surfaces: tuple[SolvedSurface, ...]
-    ) -> Iterator[tuple[BodyGeometry, Any]]:
-        """Geometry of each body, with the index of its points among all points."""
-        if len(surfaces) == 1:
-            # Without a copy.
-            yield surfaces[0].geometry, slice(None)
-            return
-        # Sorted once: a mask for each body would pass over all pixels each time.
-        order = np.argsort(self.body, kind="stable")
-        counts = np.bincount(self.body, minlength=len(surfaces))
-        for surface, points in zip(surfaces, consecutive(counts.tolist()), strict=True):
-            yield surface.geometry, order[points]
 
 
 class WorldMesh(NamedTuple):

@@ -6,7 +6,7 @@ normals, so that nothing leaks through a thin sheet or around an edge.
 """
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,8 +18,8 @@ from scipy.sparse import csr_array
 from ...arrays import device_array
 from ...geometry.vectors import row_dot
 from ...memo.found import found
-from ...scene.scene import BodyGeometry
 from .linear_weights import linear_weights
+from .shapes import ShapePoints, Shapes
 
 
 SMOOTHING_RADIUS = 2.0
@@ -86,32 +86,44 @@ class _RunningCall(NamedTuple):
 
 
 class _FragmentCells:
-    """Fragments sorted into flat cells, whose width is the radius of the weights."""
+    """Fragments sorted into flat cells, whose width is the radius of the weights.
 
-    def __init__(self, geometry: BodyGeometry, radius: float):
-        position = geometry.fragment_position
-        self.radius = radius
-        self.edge = radius / np.array([1, 1, _FLAT])
+    Each shape has cells of its own.
+    """
+
+    def __init__(self, shapes: Shapes, radius: float):
+        position = shapes.fragment_position
+        shape = shapes.of_fragment
+        first = shapes.first_fragment
+        self.radius = radius * shapes.pitch
+        self.edge = self.radius[:, None] / np.array([1, 1, _FLAT])
         # Empty cells on all sides, so that every point has cells around it.
         border = np.array([3, 3, 2 * _FLAT + 1])
-        self.low = position.min(0) - (border + 0.5) * self.edge
-        cell = np.floor((position - self.low) / self.edge).astype(np.int64)
-        self.size = cell.max(0) + border + 1
-        key = self._key(*cell.T)
+        corner = np.minimum.reduceat(position, first)
+        self.low = corner - (border + 0.5) * self.edge
+        cell = np.floor((position - self.low[shape]) / self.edge[shape])
+        cell = cell.astype(np.int64)
+        self.size = np.maximum.reduceat(cell, first) + border + 1
+        cells = self.size.prod(axis=1)
+        self.first_key = np.cumsum(cells) - cells
+        key = self._key(shape, *cell.T)
         self.order = np.argsort(key, kind="stable").astype(np.int32)
         self.keys = key[self.order]
         # Columns in the order of the cells, so that neighbours are close in memory.
         self.position = np.ascontiguousarray(position[self.order].T)
-        self.normal = np.ascontiguousarray(geometry.fragment_normal[self.order].T)
-        self.area = geometry.fragment_area[self.order]
-        # First fragment of each cell, unless most of the box around the body is empty.
+        self.normal = np.ascontiguousarray(shapes.fragment_normal[self.order].T)
+        self.area = shapes.fragment_area[self.order]
+        # First fragment of each cell, unless most of the boxes around shapes is empty.
         self.first = None
-        if self.size.prod() <= _MAX_CELLS:
-            number = np.bincount(key, minlength=int(self.size.prod()))
+        if cells.sum() <= _MAX_CELLS:
+            number = np.bincount(key, minlength=int(cells.sum()))
             self.first = np.append(0, np.cumsum(number)).astype(np.int32)
 
-    def _key(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-        return (x * self.size[1] + y) * self.size[2] + z
+    def _key(
+        self, shape: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray
+    ) -> np.ndarray:
+        _, rows, columns = self.size[shape].T
+        return self.first_key[shape] + (x * rows + y) * columns + z
 
     def _start(self, key: np.ndarray) -> np.ndarray:
         """First fragment in a cell or behind it."""
@@ -119,65 +131,75 @@ class _FragmentCells:
             return np.searchsorted(self.keys, key)
         return self.first[key]
 
-    def _ranges(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _ranges(self, points: ShapePoints) -> tuple[np.ndarray, np.ndarray]:
         """First fragment and number of fragments [p, 9] in nine rows of cells."""
         around = np.array([1, 1, _FLAT])
+        shape = points.shape
         cell = (
             np.clip(np.floor((x - low) / edge), n, size - 1 - n).astype(np.int64)
             for x, low, edge, size, n in zip(
-                points.T, self.low, self.edge, self.size, around, strict=True
+                points.position.T,
+                self.low[shape].T,
+                self.edge[shape].T,
+                self.size[shape].T,
+                around,
+                strict=True,
             )
         )
         # Cells of a row along z have keys in succession.
         x, y = np.indices((3, 3)).reshape(2, -1) - 1
-        row = self._key(*cell)[:, None] + self._key(x, y, np.full(9, -_FLAT))
+        _, rows, columns = self.size[shape].T[..., None]
+        row = self._key(shape, *cell)[:, None] + (x * rows + y) * columns - _FLAT
         first = self._start(row)
         return first, self._start(row + 2 * _FLAT + 1) - first
 
-    def pairs(self, points: np.ndarray) -> _CellPairs:
+    def pairs(self, points: ShapePoints) -> _CellPairs:
         """Pairs of points and fragments in the same or in adjacent cells."""
         first, count = self._ranges(points)
         number = count.sum(axis=1)
         flat = count.ravel()
         slot = np.repeat(first.ravel() - np.cumsum(flat) + flat, flat)
         slot += np.arange(len(slot))
-        owner = np.repeat(np.arange(len(points)), number)
+        owner = np.repeat(np.arange(len(points.shape)), number)
         return _CellPairs(owner=owner, fragment=self.order[slot], slot=slot)
 
-    def weighted(
-        self, points: Float[np.ndarray, "p 3"], normals: Float[np.ndarray, "p 3"]
-    ) -> Neighbours:
+    def weighted(self, points: ShapePoints) -> Neighbours:
         """Fragments with a weight at each point: few points, or the reference."""
         owner, _, slot = self.pairs(points)
+        square = self._square(points)
         squared = np.zeros(len(owner))
-        for along, fragment_column in zip(points.T, self.position, strict=True):
+        for along, fragment_column in zip(
+            points.position.T, self.position, strict=True
+        ):
             away = along[owner] - fragment_column[slot]
             squared += away * away
         # Most pairs are too far apart.
-        near = np.flatnonzero(squared < self.radius * self.radius)
+        near = np.flatnonzero(squared < square[owner])
         owner = owner[near]
         slot = slot[near]
         cosine = np.zeros(len(owner))
-        for along, fragment_column in zip(normals.T, self.normal, strict=True):
+        for along, fragment_column in zip(points.normal.T, self.normal, strict=True):
             cosine += along[owner] * fragment_column[slot]
-        fade = 1 - squared[near] / (self.radius * self.radius)
+        fade = 1 - squared[near] / square[owner]
         weight = (fade * np.maximum(cosine, 0)) ** 2 * self.area[slot]
         positive = np.flatnonzero(weight > 0)
         slot = slot[positive]
         return Neighbours(owner[positive], self.order[slot], weight[positive])
 
+    def _square(self, points: ShapePoints) -> Float[np.ndarray, " p"]:
+        """Square of the radius at each point [m^2]."""
+        return (self.radius * self.radius)[points.shape]
+
     def means(
         self,
-        points: Float[np.ndarray, "p 3"],
-        normals: Float[np.ndarray, "p 3"],
+        points: ShapePoints,
         select: Callable[[Neighbours], np.ndarray] | None = None,
         otherwise: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> csr_array:
         """Weights [p, s] that add up to 1 at every point with a fragment near it.
 
         Args:
-            points: in the frame of the body [m].
-            normals: unit vectors there.
+            points: with their normals.
             select: numbers of the pairs that count; all of them if None.
             otherwise: fragments for the points, by their numbers, that have none near
                 them; such points have no weights if None.
@@ -188,11 +210,9 @@ class _FragmentCells:
         # Every point has room for one more fragment, that of `otherwise`.
         weights = np.empty(ends[-1] + len(ends) if len(ends) else 0)
         columns = np.empty(len(weights), np.int32)
-        rows = np.zeros(len(points), np.int32)
+        rows = np.zeros(len(count), np.int32)
         filled = 0
-        ranges = self._ranges_of_points(
-            points, normals=normals, first=first, count=count, ends=ends
-        )
+        ranges = self._ranges_of_points(points, first=first, count=count, ends=ends)
         for start, stop, near in ranges:
             owner, fragment, weight = near
             if select is not None:
@@ -218,32 +238,35 @@ class _FragmentCells:
         weights.resize(filled, refcheck=False)
         columns.resize(filled, refcheck=False)
         starts = np.append(0, np.cumsum(rows)).astype(np.int32)
-        size = len(points), len(self.area)
+        size = len(count), len(self.area)
         return csr_array((weights, columns, starts), size)
 
     def _ranges_of_points(
         self,
-        points: np.ndarray,
-        normals: np.ndarray,
+        points: ShapePoints,
         first: np.ndarray,
         count: np.ndarray,
         ends: np.ndarray,
     ) -> Iterator[_PointRange]:
         """Ranges that cover all points, with the fragments near them."""
-        if len(points) <= CHUNK:
-            yield _PointRange(0, len(points), self.weighted(points, normals))
+        total = len(count)
+        if total <= CHUNK:
+            yield _PointRange(0, total, self.weighted(points))
             return
+        columns = np.concatenate(
+            [points.position.T, points.normal.T, self._square(points)[None]]
+        )
         # One range is computed while the results of the previous one are read.
         running: _RunningCall | None = None
         start = 0
-        while start < len(points):
+        while start < total:
             # Points for which there is room, with all their pairs.
             previous_pairs = ends[start - 1] if start else 0
             stop = int(np.searchsorted(ends, previous_pairs + _PAIRS, side="right"))
             stop = max(min(stop, start + _POINTS), start + 1)
             chunk = slice(start, stop)
             call = self._call(
-                np.concatenate([points[chunk].T, normals[chunk].T]),
+                columns[:, chunk],
                 first=first[chunk].ravel(),
                 count=count[chunk].ravel(),
                 start=start,
@@ -258,13 +281,13 @@ class _FragmentCells:
     def _call(
         self, columns: np.ndarray, first: np.ndarray, count: np.ndarray, start: int
     ) -> _RunningCall:
-        """Start the program for the points of columns [6, p], from number `start`."""
+        """Start the program for the points of columns [7, p], from number `start`."""
         run = np.repeat(np.arange(len(count), dtype=np.int32), count)
         padded = np.zeros(max(_PAIRS, len(run)), np.int32)
         padded[: len(run)] = run
         base = np.zeros(9 * _POINTS, np.int32)
         base[: len(count)] = first - np.cumsum(count) + count
-        points = np.zeros((6, _POINTS))
+        points = np.ones((7, _POINTS))
         size = columns.shape[1]
         points[:, :size] = columns
         with jax.enable_x64(True):
@@ -273,7 +296,6 @@ class _FragmentCells:
                 base=base,
                 points=points,
                 fragments=self._on_device(),
-                radius=self.radius,
             )
         return _RunningCall(
             start=start, stop=start + size, run=run, slot=slot, weight=weight
@@ -305,15 +327,14 @@ class _FragmentCells:
 def _pair_weights(
     run: Int[Array, " n"],
     base: Int[Array, " r"],
-    points: Float[Array, "6 p"],
+    points: Float[Array, "7 p"],
     fragments: Float[Array, "7 s"],
-    radius: Float[Array, ""] | float,
 ) -> tuple[Int[Array, " n"], Float[Array, " n"]]:
     """Slots of the fragments of pairs, and their weights: `_FragmentCells.weighted`.
 
-    Columns are positions, normals and, of fragments, areas. A pair belongs to one of
-    the nine runs of successive slots of its point; `base` plus the number of the pair
-    is its slot.
+    Columns are positions, normals, and squares of the radius or areas. A pair belongs
+    to one of the nine runs of successive slots of its point; `base` plus the number of
+    the pair is its slot.
     """
     slot = base[run] + jnp.arange(run.size, dtype=np.int32)
     # Unsigned, since a division of signed integers dominates the program.
@@ -324,110 +345,79 @@ def _pair_weights(
         away = points[axis][owner] - fragments[axis][slot]
         squared += away * away
         cosine += points[3 + axis][owner] * fragments[3 + axis][slot]
-    fade = jnp.maximum(1 - squared / (radius * radius), 0)
+    fade = jnp.maximum(1 - squared / points[6][owner], 0)
     return slot, (fade * jnp.maximum(cosine, 0)) ** 2 * fragments[6][slot]
 
 
-def cells_of(geometry: BodyGeometry, radius: float) -> _FragmentCells:
-    """Cells of a body's fragments, the same for all views and poses of it."""
-    arrays = (
-        geometry.fragment_position,
-        geometry.fragment_normal,
-        geometry.fragment_area,
-    )
+def cells_of(shapes: Shapes, radius: float) -> _FragmentCells:
+    """Cells of fragments for a radius [voxels], the same for all views of shapes."""
     key = "fragment_cells", radius
-    return found(arrays, key, lambda: _FragmentCells(geometry, radius))
+    return found((shapes,), key, lambda: _FragmentCells(shapes, radius))
 
 
-def _nearest_fragments(
-    points: Float[np.ndarray, "p 3"],
-    normals: Float[np.ndarray, "p 3"],
-    geometry: BodyGeometry,
-) -> Int[np.ndarray, " p"]:
+def _nearest_fragments(points: ShapePoints, shapes: Shapes) -> Int[np.ndarray, " p"]:
     # Of a solid with any normal, of a thin wall on the side of the point. Only points
     # without a fragment in range search twice as far.
-    nearest = np.full(len(points), -1, np.int64)
-    radius = geometry.pitch
+    nearest = np.full(len(points.shape), -1, np.int64)
+    is_wall = shapes.is_two_sided[points.shape]
+    radius = 1.0
     while (missing := np.flatnonzero(nearest < 0)).size:
         radius *= 2
-        cells = cells_of(geometry, radius)
+        cells = cells_of(shapes, radius)
         for chunk in np.array_split(missing, len(missing) // CHUNK + 1):
-            owner, fragment, _ = cells.pairs(points[chunk])
-            if geometry.is_two_sided:
-                outward = geometry.fragment_normal[fragment]
-                normal = normals[chunk][owner]
+            owner, fragment, _ = cells.pairs(points.some(chunk))
+            point = chunk[owner]
+            if is_wall.any():
+                normal = points.normal[point]
                 # A triangle without area has no normal.
-                same_side = (row_dot(normal, outward) > 0) | ~normal.any(axis=1)
-                owner = owner[same_side]
-                fragment = fragment[same_side]
-            offset = points[chunk][owner] - geometry.fragment_position[fragment]
+                fits = ~is_wall[point] | ~normal.any(axis=1)
+                fits |= row_dot(normal, shapes.fragment_normal[fragment]) > 0
+                point = point[fits]
+                fragment = fragment[fits]
+            offset = points.position[point] - shapes.fragment_position[fragment]
             distance = row_dot(offset, offset)
-            order = np.lexsort([distance, owner])
-            owners, first = np.unique(owner[order], return_index=True)
-            nearest[chunk[owners]] = fragment[order][first]
+            order = np.lexsort([distance, point])
+            first_of, first = np.unique(point[order], return_index=True)
+            nearest[first_of] = fragment[order][first]
     return nearest
 
 
-def smooth_weights(
-    points: Float[np.ndarray, "p 3"],
-    normals: Float[np.ndarray, "p 3"],
-    geometry: BodyGeometry,
-) -> csr_array:
-    """Weights [p, s] of a body's fragments at each point."""
-    radius = SMOOTHING_RADIUS * geometry.pitch
-    cells = cells_of(geometry, radius)
+def smooth_weights(points: ShapePoints, shapes: Shapes) -> csr_array:
+    """Weights [p, s] of the fragments of shapes at each point."""
+    cells = cells_of(shapes, SMOOTHING_RADIUS)
+    is_wall = shapes.is_two_sided[points.shape]
 
     # Parts too thin to have fragments show the nearest ones.
     def nearest(alone: np.ndarray) -> Int[np.ndarray, " n"]:
-        return _nearest_fragments(points[alone], normals[alone], geometry)
+        return _nearest_fragments(points.some(alone), shapes)
 
-    if not geometry.is_two_sided:
-        return cells.means(points, normals, otherwise=nearest)
-    position = geometry.fragment_position
+    if not is_wall.any():
+        return cells.means(points, otherwise=nearest)
+    reach = MAX_HEIGHT * shapes.pitch[points.shape]
 
-    # Another leaf of the wall may be near, with the same normal.
+    # Another leaf of a wall may be near, with the same normal.
     def level(pairs: Neighbours) -> Int[np.ndarray, " n"]:
-        away = position[pairs.fragment] - points[pairs.owner]
-        height = row_dot(away, normals[pairs.owner])
-        return np.flatnonzero(np.abs(height) < MAX_HEIGHT * geometry.pitch)
+        away = shapes.fragment_position[pairs.fragment] - points.position[pairs.owner]
+        height = row_dot(away, points.normal[pairs.owner])
+        is_level = np.abs(height) < reach[pairs.owner]
+        return np.flatnonzero(is_level | ~is_wall[pairs.owner])
 
-    weights = cells.means(points, normals, select=level, otherwise=nearest)
     return linear_weights(
-        weights,
-        points=points,
-        normals=normals,
-        position=position,
-        radius=radius,
+        cells.means(points, select=level, otherwise=nearest),
+        rows=np.flatnonzero(is_wall),
+        points=points.position,
+        normals=points.normal,
+        position=shapes.fragment_position,
+        radius=cells.radius[points.shape],
     )
 
 
-def nearest_weights(
-    points: Float[np.ndarray, "p 3"],
-    normals: Float[np.ndarray, "p 3"],
-    geometry: BodyGeometry,
-) -> csr_array:
+def nearest_weights(points: ShapePoints, shapes: Shapes) -> csr_array:
     """Weights [p, s] of the nearest fragment alone, which show the voxels."""
-    nearest = _nearest_fragments(points, normals, geometry)
-    starts = np.arange(len(points) + 1)
-    size = len(points), len(geometry.fragment_area)
-    return csr_array((np.ones(len(points)), nearest, starts), size)
-
-
-def block_matrix(blocks: list[csr_array]) -> csr_array:
-    """Block-diagonal matrix of weights."""
-    if len(blocks) == 1:
-        return blocks[0]
-    sizes: Any = [block.shape for block in blocks]
-    first_column = np.cumsum([0, *(width for _, width in sizes)])
-    columns = [
-        block.indices + n for block, n in zip(blocks, first_column[:-1], strict=True)
-    ]
-    # Entries of each row, counted up.
-    counts = np.concatenate([np.diff(block.indptr) for block in blocks])
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    data = np.concatenate([block.data for block in blocks])
-    size = len(counts), int(first_column[-1])
-    return csr_array((data, np.concatenate(columns), starts), size)
+    nearest = _nearest_fragments(points, shapes)
+    starts = np.arange(len(nearest) + 1)
+    size = len(nearest), len(shapes.fragment_area)
+    return csr_array((np.ones(len(nearest)), nearest, starts), size)
 
 
 class MovingWeights(eqx.Module):

@@ -17,6 +17,7 @@ from jaxthermo.image.radiance.band import apparent_temperature, black_radiance
 from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.radiance.effect import PixelRadiation
 from jaxthermo.image.radiance.image import coarsen
+from jaxthermo.image.surface.shapes import ShapePoints, Shapes
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.image.surface.weights import nearest_weights, smooth_weights
 from jaxthermo.scene.scene import SolvedSurface, body_geometry
@@ -130,7 +131,7 @@ def plate():
 
 def test_smoothing_keeps_constants_and_linear_fields(plate):
     points, normals = _plate_points()
-    weights = smooth_weights(points, normals, plate)
+    weights = smooth_weights(ShapePoints.of_one(points, normals), Shapes.of((plate,)))
     np.testing.assert_allclose(weights.sum(axis=1), 1.0)
     field = 300 + 50 * plate.fragment_position[:, 0]
     read = weights @ field
@@ -142,14 +143,14 @@ def test_smoothing_keeps_constants_and_linear_fields(plate):
 def test_smoothing_does_not_leak_through_a_sheet(plate):
     points, normals = _plate_points()
     field = np.where(plate.fragment_normal[:, 2] > 0.5, 310.0, 290.0)
-    weights = smooth_weights(points, normals, plate)
+    weights = smooth_weights(ShapePoints.of_one(points, normals), Shapes.of((plate,)))
     read = weights @ field
     np.testing.assert_allclose(read, 310.0)
 
 
 def test_blocks_show_the_nearest_fragment(plate):
     points, normals = _plate_points()
-    weights = nearest_weights(points, normals, plate)
+    weights = nearest_weights(ShapePoints.of_one(points, normals), Shapes.of((plate,)))
     away = np.linalg.norm(points[:, None] - plate.fragment_position[None], axis=2)
     np.testing.assert_allclose(
         away[np.arange(len(points)), weights.indices], away.min(axis=1)
@@ -158,7 +159,8 @@ def test_blocks_show_the_nearest_fragment(plate):
 
 def test_parts_without_fragments_show_their_neighbours(plate):
     far = np.array([[0.0, 0.0, 0.02]])
-    weights = smooth_weights(far, np.array([[0.0, 0.0, -1.0]]), plate)
+    downward = ShapePoints.of_one(far, np.array([[0.0, 0.0, -1.0]]))
+    weights = smooth_weights(downward, Shapes.of((plate,)))
     assert weights.data.tolist() == [1.0]
 
 

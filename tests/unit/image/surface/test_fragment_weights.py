@@ -9,11 +9,11 @@ from scipy.sparse import csr_array
 import jaxthermo as jt
 from jaxthermo.arrays import linear_map
 from jaxthermo.image.surface import weights as module
+from jaxthermo.image.surface.shapes import ShapePoints, Shapes
 from jaxthermo.image.surface.weights import (
     CHUNK,
     Neighbours,
     _FragmentCells,
-    block_matrix,
     cells_of,
 )
 from jaxthermo.scene.scene import BodyGeometry
@@ -49,7 +49,8 @@ def test_weights_of_points_on_and_far_from_a_body(reach):
     points[:200] = 0.05 * points[:200] / np.linalg.norm(points[:200], axis=1)[:, None]
     normals = numbers.normal(size=points.shape)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    pairs = cells_of(geometry, radius).weighted(points, normals)
+    cells = cells_of(Shapes.of((geometry,)), reach)
+    pairs = cells.weighted(ShapePoints.of_one(points, normals))
     assert (np.diff(pairs.owner) >= 0).all() and (pairs.weight > 0).all()
     dense = np.zeros((len(points), len(grid.fragment_area)))
     np.add.at(dense, (pairs.owner, pairs.fragment), pairs.weight)
@@ -62,7 +63,8 @@ def test_pairs_are_at_least_those_within_the_radius():
     grid = jt.voxelize(jt.shapes.box((0.04, 0.03, 0.02)), 0.005)
     geometry = geometry_of(grid)
     points = np.random.default_rng(5).uniform(-0.05, 0.05, (300, 3))
-    owner, fragment, _ = _FragmentCells(geometry, 0.01).pairs(points)
+    cells = _FragmentCells(Shapes.of((geometry,)), 2.0)
+    owner, fragment, _ = cells.pairs(ShapePoints.of_one(points, points))
     actual = set(zip(owner.tolist(), fragment.tolist(), strict=True))
     assert len(actual) == len(owner)
     away = np.linalg.norm(points[:, None] - geometry.fragment_position, axis=-1)
@@ -71,11 +73,10 @@ def test_pairs_are_at_least_those_within_the_radius():
 
 
 class BallPoints(NamedTuple):
-    """A ball of voxels, with points on and around it and their normals."""
+    """A ball of voxels, with points on and around it."""
 
-    geometry: BodyGeometry
-    points: np.ndarray
-    normals: np.ndarray
+    shapes: Shapes
+    points: ShapePoints
 
 
 def ball_points(count: int) -> BallPoints:
@@ -84,18 +85,20 @@ def ball_points(count: int) -> BallPoints:
     normals = numbers.normal(size=(count, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     points = numbers.uniform(0.02, 0.1, (count, 1)) * normals
-    return BallPoints(geometry=geometry, points=points, normals=normals)
+    shapes = Shapes.of((geometry,))
+    return BallPoints(shapes, ShapePoints.of_one(points, normals))
 
 
-def reference(cells, points, normals, keep=lambda pairs: slice(None)) -> csr_array:
+def reference(cells, points, keep=lambda pairs: slice(None)) -> csr_array:
     """Means from the pairs that numpy finds."""
-    pairs = cells.weighted(points, normals)
+    pairs = cells.weighted(points)
     selected = keep(pairs)
     row = pairs.owner[selected]
     fragment = pairs.fragment[selected]
     weight = pairs.weight[selected]
-    total = np.bincount(row, weight, len(points))
-    size = len(points), len(cells.area)
+    count = len(points.shape)
+    total = np.bincount(row, weight, count)
+    size = count, len(cells.area)
     return csr_array((weight / total[row], (row, fragment)), size)
 
 
@@ -105,49 +108,39 @@ def test_the_program_computes_the_weights_of_numpy(pairs, monkeypatch):
     monkeypatch.setattr(module, "_POINTS", 2**11)
     count = CHUNK + 300 if pairs > 2**9 else 300
     monkeypatch.setattr(module, "CHUNK", min(CHUNK, count - 1))
-    geometry, points, normals = ball_points(count)
-    cells = cells_of(geometry, 0.02)
-    weights = cells.means(points, normals)
-    expected = reference(cells, points, normals)
+    shapes, points = ball_points(count)
+    cells = cells_of(shapes, 2.0)
+    weights = cells.means(points)
+    expected = reference(cells, points)
     assert 0 < (np.diff(weights.indptr) == 0).sum() < count
     assert weights.nnz == expected.nnz and abs(weights - expected).max() < 1e-12
 
     def odd(neighbours: Neighbours) -> np.ndarray:
         return np.flatnonzero(neighbours.fragment % 2)
 
-    some = cells.means(points, normals, odd)
-    expected_odd = reference(cells, points=points, normals=normals, keep=odd)
+    some = cells.means(points, odd)
+    expected_odd = reference(cells, points, keep=odd)
     assert 0 < some.nnz < weights.nnz and abs(some - expected_odd).max() < 1e-12
     # Another fragment where none is near.
     alone = np.flatnonzero(np.diff(weights.indptr) == 0)
-    filled = cells.means(points, normals, otherwise=lambda which: which % 7)
+    filled = cells.means(points, otherwise=lambda which: which % 7)
     fallback = csr_array((np.ones(len(alone)), (alone, alone % 7)), weights.shape)
     assert abs(filled - weights - fallback).max() == 0
     assert filled.nnz == weights.nnz + len(alone)
 
 
 def test_without_a_table_of_cells_they_are_the_same(monkeypatch):
-    geometry, points, normals = ball_points(500)
-    far = 1e3 * points[:100]
-    points = np.concatenate([points, far, -far])
-    normals = np.concatenate([normals, normals[:100], normals[:100]])
-    by_table = _FragmentCells(geometry, 0.02).means(points, normals)
+    shapes, near = ball_points(500)
+    far = 1e3 * near.position[:100]
+    points = ShapePoints.of_one(
+        np.concatenate([near.position, far, -far]),
+        np.concatenate([near.normal, near.normal[:100], near.normal[:100]]),
+    )
+    by_table = _FragmentCells(shapes, 2.0).means(points)
     monkeypatch.setattr(module, "_MAX_CELLS", 0)
-    by_search = _FragmentCells(geometry, 0.02).means(points, normals)
+    by_search = _FragmentCells(shapes, 2.0).means(points)
     assert by_table.nnz > 0 and abs(by_table - by_search).max() == 0
     assert (np.diff(by_table.indptr)[500:] == 0).all()
-
-
-def test_matrices_of_bodies_below_each_other():
-    blocks = [
-        csr_array(np.array(rows, float))
-        for rows in ([[1, 0, 2], [0, 0, 0]], [[3]], [[0, 4], [5, 6]])
-    ]
-    expected = np.zeros((5, 6))
-    expected[:2, :3] = [[1, 0, 2], [0, 0, 0]]
-    expected[2, 3] = 3
-    expected[3:, 4:] = [[0, 4], [5, 6]]
-    np.testing.assert_array_equal(block_matrix(blocks).toarray(), expected)
 
 
 @pytest.mark.parametrize("shape", [(3,), (7, 3), (5, 4, 3), (0, 3)])

@@ -9,6 +9,8 @@ from jaxthermo.image.surface.linear_weights import linear_weights
 
 
 RADIUS = 0.3
+# A row that keeps its weights.
+UNCHANGED = 7
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +23,18 @@ def case():
     dense = np.maximum(1 - (gap / RADIUS) ** 2, 0) ** 2
     weights = csr_array(dense / dense.sum(axis=1, keepdims=True))
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    tilted = linear_weights(weights, points, normals, position, RADIUS)
-    return points, position, weights, tilted
+    rows = np.flatnonzero(np.arange(len(points)) != UNCHANGED)
+    tilted = linear_weights(
+        weights,
+        rows=rows,
+        points=points,
+        normals=normals,
+        position=position,
+        radius=np.full(len(points), RADIUS),
+    )
+    unchanged = slice(*weights.indptr[UNCHANGED : UNCHANGED + 2])
+    np.testing.assert_array_equal(tilted.data[unchanged], weights.data[unchanged])
+    return points[rows], position, weights[rows], tilted[rows]
 
 
 def test_weights_are_those_of_each_point_alone(case):

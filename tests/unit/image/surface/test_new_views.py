@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 import jaxthermo as jt
 from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface import view as view_module
+from jaxthermo.image.surface.shapes import ShapePoints, Shapes
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.image.surface.weights import CHUNK, cells_of
 from jaxthermo.memo.found import forget_findings
@@ -122,8 +123,9 @@ def test_a_view_is_that_of_all_layers_and_all_pairs(surfaces, turn):
         on_body = view.body == number
         geometry = surface.geometry
         local = geometry.placed.to_body(position[on_body])
-        cells = cells_of(geometry, 2 * geometry.pitch)
-        pairs = cells.weighted(local, view.normal[on_body])
+        cells = cells_of(Shapes.of((geometry,)), 2.0)
+        points = ShapePoints.of_one(local, view.normal[on_body])
+        pairs = cells.weighted(points)
         rows.append(np.flatnonzero(on_body)[pairs.owner])
         fragments.append(pairs.fragment + first)
         weights.append(pairs.weight)
