@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..arrays import is_traced, precision, stop_gradient
+from ..arrays import is_traced, stop_gradient
 from ..errors import InputError, require
 from ..network.network import inverse
 from ..scene.compile.compile import compile_scene
@@ -122,7 +122,7 @@ def steady(
     require(scene, classes=Scene, argument="steady(scene=)", give="a Scene")
     if tolerance is not None and not tolerance > 0:
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")
-    with precision(scene.dtype):
+    with scene.precision():
         solution = _solution(_static_scene(scene, at), at or 0.0, tolerance)
     return finished(solution, throw)
 

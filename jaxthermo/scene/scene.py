@@ -1,6 +1,7 @@
 """A scene: bodies in space, the terms that act on them, and surfaces for a camera."""
 
 import abc
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
-from ..arrays import PositionVarying, is_traced
+from ..arrays import PositionVarying, is_compiling, is_traced, precision
 from ..errors import InputError, require
 from ..geometry.mesh import Pose
 from ..material.material import Material, Property
@@ -319,6 +320,21 @@ class Scene(Module):
                         f"terms[{i}] is on body {body}, and there are "
                         f"{len(self.bodies)}: count from 0"
                     )
+
+    def precision(self) -> AbstractContextManager:
+        """Context in which arrays of the scene's type can be created.
+
+        Raises:
+            InputError: for float64 while JAX traces other code in float32.
+        """
+        settings: Any = jax.config
+        is_wider = self.dtype == "float64" and not settings.jax_enable_x64
+        if is_wider and (is_compiling() or is_traced(self)):
+            raise InputError(
+                "Scene(dtype='float64') under jax.jit, grad or vmap: call "
+                "jax.config.update('jax_enable_x64', True) at the start of the program"
+            )
+        return precision(self.dtype)
 
     def _check_temperatures(self) -> None:
         for i, body in enumerate(self.bodies):

@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ...arrays import is_traced, precision
+from ...arrays import is_traced
 from ...errors import InputError, require
 from ...scene.compile.traced_scene import changed_constants
 from ...scene.scene import Body, Scene
@@ -71,7 +71,7 @@ class CompiledSimulation:
             if not is_traced(scene):
                 for line in changed_constants(self.scene, scene):
                     plan = plan._replace(compiled=with_note(plan.compiled, line))
-        with precision(plan.scene.dtype):
+        with plan.scene.precision():
             solution = run_plan(plan)
         for warning in solution.run.warnings:
             warnings.warn(warning, stacklevel=2)
@@ -124,7 +124,7 @@ def compile_simulation(
     )
     for warning in plan.compiled.receipt.warnings:
         warnings.warn(warning, stacklevel=2)
-    with precision(scene.dtype):
+    with scene.precision():
         compile_plan(plan)
     return CompiledSimulation(
         scene=scene,
@@ -137,7 +137,7 @@ def compile_simulation(
 
 
 def _planned(scene, t1, save_at, solver, reverse_memory) -> Plan:
-    with precision(scene.dtype):
+    with scene.precision():
         return plan_run(
             scene,
             t1=t1,

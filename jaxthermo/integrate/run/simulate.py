@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import device_array, is_traced, precision, taken
+from ...arrays import device_array, is_traced, taken
 from ...errors import require
 from ...network.network import Address, precise_sum
 from ...parallel.lattice import own_copies, replicated
@@ -104,7 +104,7 @@ def simulate(
         (2, 96)
     """
     require(scene, classes=Scene, argument="simulate(scene=)", give="a Scene")
-    with precision(scene.dtype):
+    with scene.precision():
         scene = on_devices(scene, devices)
         plan = plan_run(
             scene,

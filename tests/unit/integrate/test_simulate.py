@@ -155,6 +155,34 @@ def test_every_digit_without_the_global_switch(structure):
     assert residual < 1e-13
 
 
+@pytest.mark.parametrize("transform", [jax.jit, jax.grad])
+@pytest.mark.parametrize("is_global", [True, False])
+def test_every_digit_in_transformed_code_needs_the_global_switch(
+    structure, transform, is_global
+):
+    def mean(coefficient):
+        scene = _scene(structure, jt.Convection(coefficient, 280.0))
+        steps = jt.ForwardEuler(dt=LIMIT / 2)
+        return jt.simulate(scene, 2.0, solver=steps).mean_temperature[-1, 0]
+
+    with jax.enable_x64(is_global):
+        if is_global:
+            assert transform(mean)(20.0).dtype == np.float64
+            return
+        with pytest.raises(jt.InputError, match="call jax.config.update"):
+            transform(mean)(20.0)
+
+
+def test_a_constant_scene_of_every_digit_is_refused_in_a_jitted_function(structure):
+    scene = _scene(structure, jt.Convection(20.0, 280.0))
+
+    def run():
+        return jt.simulate(scene, 2.0, solver=STEPS).surface_temperature
+
+    with jax.enable_x64(False), pytest.raises(jt.InputError, match="under jax.jit"):
+        jax.jit(run)()
+
+
 def test_float32_is_the_default_and_close(structure):
     terms = jt.Convection(20.0, 280.0), jt.Surroundings(270.0)
     body = jt.Body(structure, METAL, temperature=300.0)
