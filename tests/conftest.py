@@ -12,7 +12,7 @@ import jax
 import pytest
 from hypothesis import settings
 
-from tests.xla_flags import HAS_FUSION_EMITTERS_FLAG
+from tests.xla_flags import FAST_COMPILATION
 
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -31,17 +31,8 @@ def _compilation_cache() -> Path:
     return ROOT / ".jax_cache" / f"{version('jaxlib')}-{digest}"
 
 
-# Small programs that run once: most of the time goes into compiling them. Without
-# LLVM's optimization and MLIR's fusion emitters, that takes less than a third; in one
-# piece rather than 32, a twentieth less again. The
-# long tests run as users do: `make slow` and .ci/run set XLA_FLAGS to nothing.
-_FLAGS = [
-    "--xla_backend_optimization_level=0",
-    "--xla_cpu_parallel_codegen_split_count=1",
-]
-if HAS_FUSION_EMITTERS_FLAG:
-    _FLAGS.append("--xla_cpu_use_fusion_emitters=false")
-os.environ.setdefault("XLA_FLAGS", " ".join(_FLAGS))
+# The long tests run as users do: `make slow` and .ci/run set XLA_FLAGS to nothing.
+os.environ.setdefault("XLA_FLAGS", FAST_COMPILATION)
 # In the environment, so that the commands that tests start share it too.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_compilation_cache()))
 # Most programs here compile in under the second from which JAX keeps them by default.

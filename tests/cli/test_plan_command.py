@@ -35,7 +35,6 @@ def test_a_wrong_option_is_one_line(options, message, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_plan_is_a_scene_within_the_tolerance_and_is_kept(
     tmp_path, scene, monkeypatch
 ):

@@ -31,7 +31,7 @@ from jaxthermo.__main__ import main
 command._CHECKPOINT_EVERY = 0.5
 main(sys.argv[1:])
 """
-pytestmark = [pytest.mark.slow, pytest.mark.slice]
+pytestmark = pytest.mark.slow
 
 
 def start_both(scene: Path, out: Path) -> list[subprocess.Popen[bytes]]:
@@ -63,6 +63,7 @@ def surface(out: Path) -> np.ndarray:
         return stored["surface_temperature"]
 
 
+@pytest.mark.slice
 def test_two_processes_write_the_results_of_one(tmp_path):
     scene = scene_file(tmp_path, 0.03)
     together = tmp_path / "together"
@@ -79,7 +80,7 @@ def test_two_processes_write_the_results_of_one(tmp_path):
     np.testing.assert_allclose(temperature, surface(alone), rtol=0, atol=1.3e-4)
 
 
-@pytest.mark.parametrize("lost", [0, 1])
+@pytest.mark.parametrize("lost", [0, pytest.param(1, marks=pytest.mark.slice)])
 def test_a_lost_process_ends_the_other_and_one_goes_on(tmp_path, out, lost):
     # Twenty thousand short steps: long enough to be killed.
     scene = scene_file(tmp_path, 0.001)

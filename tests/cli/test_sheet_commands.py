@@ -52,6 +52,7 @@ def test_a_fit_finds_layers_coatings_by_face_and_inner_air(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.slice
 def test_a_plan_of_a_sheet_is_verified_against_finer_cells(tmp_path):
     path = tmp_path / "plate.yaml"
     path.write_text(PLATE)

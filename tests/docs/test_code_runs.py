@@ -10,6 +10,8 @@ import pytest
 import trimesh
 from doc_pages import PAGES, ROOT, blocks, command_lines, name
 
+from tests.xla_flags import FAST_COMPILATION
+
 
 WITH_CODE = [page for page in PAGES if blocks(page, "python")]
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
@@ -31,7 +33,8 @@ def run(arguments: list[str], folder: Path) -> str:
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        # Each program of a page runs once.
+        env={**os.environ, "PYTHONPATH": str(ROOT), "XLA_FLAGS": FAST_COMPILATION},
         capture_output=True,
         text=True,
         check=False,

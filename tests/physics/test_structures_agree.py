@@ -57,7 +57,6 @@ def _absorbed(structure, dtype="float64"):
     return float(mechanisms["sun"][0]), float(mechanisms["convection"][0])
 
 
-@pytest.mark.slice
 def test_every_structure_absorbs_the_same(grid):
     reference, lost = _absorbed(jt.FullVolume(grid))
     assert reference > 0.0

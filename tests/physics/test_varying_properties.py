@@ -123,9 +123,7 @@ def test_a_peak_of_c_takes_up_its_latent_heat(width):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "dtype", [pytest.param(jnp.float64, marks=pytest.mark.slice), jnp.float32]
-)
+@pytest.mark.parametrize("dtype", [jnp.float64, jnp.float32])
 def test_a_mushy_front_moves_without_losing_heat(dtype):
     """A warm half melts a cold half: heat is kept, nothing leaves the start's range."""
     structure = _bar(40)

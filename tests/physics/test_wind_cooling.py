@@ -101,7 +101,6 @@ def test_a_good_conductor_cools_as_the_mean_coefficient_says(grid):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_gradients_by_the_speed_go_through_a_run(grid):
     block = body(grid, CERAMIC)
 

@@ -17,7 +17,8 @@ LONG = [pytest.mark.slow, pytest.mark.slice]
         pytest.param("V13", marks=LONG),
         pytest.param("V20a", marks=LONG),
         pytest.param("A9 1fa", marks=pytest.mark.slow),
-        pytest.param("V25, sol-air", marks=LONG),
+        # In the slice of test_verification_report.
+        pytest.param("V25, sol-air", marks=pytest.mark.slow),
     ],
 )
 def test_within_the_tolerance_that_is_stated(id_):

@@ -274,7 +274,6 @@ def test_what_must_hold_does_without_a_contact(case):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 @settings(COMMON, max_examples=SLICE)
 @given(drawn(("BackwardEuler",), ("float64",), ends=(-8, 9)))
 def test_what_must_hold_does_in_two_programs(case):

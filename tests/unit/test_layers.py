@@ -154,7 +154,6 @@ def test_importing_the_package_pulls_in_no_heavy_library():
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_no_matplotlib_after_importing_everything_and_drawing_a_frame(tmp_path):
     modules = [
         module.name

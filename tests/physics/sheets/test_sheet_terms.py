@@ -185,19 +185,8 @@ def precise():
     return deviation
 
 
-_SLICE = ("solid", "default")
-_CASES = [
-    pytest.param(
-        company,
-        solver,
-        marks=pytest.mark.slice if (company, solver) == _SLICE else (),
-    )
-    for company in ("alone", "solid", "sheet")
-    for solver in SOLVERS
-]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("company", "solver"), _CASES)
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("company", ["alone", "solid", "sheet"])
 def test_solvers_agree_on_all_mechanisms_at_once(precise, company, solver):
     assert precise(company, SOLVERS[solver]) < 0.1

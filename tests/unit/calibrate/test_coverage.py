@@ -76,7 +76,6 @@ def _covered(fitting, repeats):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_the_truth_lies_in_95_percent_of_the_intervals(fitting):
     covered = _covered(fitting, 100)
     print("covered of 100", covered)

@@ -8,7 +8,6 @@ from experiments.benchmarks import devices
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_every_arrangement_has_its_row(tmp_path):
     scenes = "conduction", "conduction, stages of RKL2"
     result = devices.run(tmp_path, (6, 14, 6), repeats=2, steps=4, scenes=scenes)

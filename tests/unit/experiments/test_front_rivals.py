@@ -46,15 +46,9 @@ def ball() -> tuple[jt.Scene, LinearBody]:
     return ball_scene, body_of(ball_scene)
 
 
-# Without cut voxels there is less to get wrong.
-@pytest.mark.parametrize(
-    "cells",
-    [
-        # By default steps of RKL2 are those of the solver: they have more to get wrong.
-        pytest.param("crossings", marks=[pytest.mark.slow, pytest.mark.slice]),
-        pytest.param("dominant_axis", marks=pytest.mark.slow),
-    ],
-)
+# By default steps of RKL2 are those of the solver: they have more to get wrong.
+@pytest.mark.slow
+@pytest.mark.parametrize("cells", ["crossings", "dominant_axis"])
 def test_explicit_steps_are_those_of_forward_euler(ball, cells):
     ball_scene = ball[0] if cells == "crossings" else scene(cells)
     body = ball[1] if cells == "crossings" else body_of(ball_scene)
@@ -85,8 +79,9 @@ def test_conjugate_gradients_are_those_of_trbdf2(ball):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
-@pytest.mark.parametrize("threads", ["one", "all"])
+@pytest.mark.parametrize(
+    "threads", ["one", pytest.param("all", marks=pytest.mark.slice)]
+)
 def test_compiled_loops_are_the_interpreted_ones(ball, threads):
     _, body = ball
     for make in (explicit_run, lambda b, t: rkl2_run(b, STEP, t)):

@@ -52,7 +52,7 @@ def state_after(program, steps=10):
             dtype,
             tolerance,
             id=f"{dtype}-{name}",
-            marks=[pytest.mark.slice] * (name == "heat" and dtype == "float64"),
+            marks=[pytest.mark.slice] * (name == "force" and dtype == "float64"),
         )
         for dtype, tolerance in (("float64", 1e-15), ("float32", 4e-7))
         for name, channel_options in OPTIONS.items()

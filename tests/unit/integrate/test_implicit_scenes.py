@@ -13,7 +13,6 @@ from jaxthermo.material.material import Property
 from tests.bodies import blocks
 
 
-LONG = (pytest.mark.slow, pytest.mark.slice)
 METAL = jt.Material(20.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
 VARYING = jt.Material(
     Property([250.0, 450.0], [10.0, 30.0]),
@@ -58,15 +57,16 @@ def _scene(name):
     return jt.Scene(bodies, terms, dtype="float64")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param("varying properties", marks=LONG),
+        "varying properties",
         # In test_steady's slice.
-        pytest.param("contact", marks=pytest.mark.slow),
-        pytest.param("exchange", marks=LONG),
-        pytest.param("links", marks=pytest.mark.slow),
-        pytest.param("wind", marks=pytest.mark.slow),
+        "contact",
+        pytest.param("exchange", marks=pytest.mark.slice),
+        "links",
+        "wind",
     ],
 )
 def test_it_is_what_small_explicit_steps_give(name):

@@ -23,14 +23,6 @@ SOLVERS = {
     "CrankNicolson": jt.CrankNicolson(dt=20.0),
     "TRBDF2": jt.TRBDF2(dt=20.0),
 }
-# Explicit steps are those of test_gradients by default; the stages of all implicit
-# solvers are those of the one in the slice.
-EACH = [
-    pytest.param(
-        name, marks=[pytest.mark.slow] + [pytest.mark.slice] * (name == "BackwardEuler")
-    )
-    for name in SOLVERS
-]
 
 
 @functools.cache
@@ -65,7 +57,10 @@ def _numeric(loss):
     return np.array(pairs)
 
 
-@pytest.mark.parametrize("name", EACH)
+# By default test_gradients differentiates explicit steps, and in the slice test_steady
+# differentiates a solution of the implicit equations.
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SOLVERS)
 def test_forward_and_reverse_agree_with_differences(name):
     loss = jax.jit(functools.partial(_loss, solver=SOLVERS[name]))
     numeric = _numeric(loss)

@@ -245,7 +245,6 @@ def test_nothing_is_read_where_searches_are_timed(folder):
 
 # By default every kind of search is tested by itself.
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_scene_has_the_same_surface_with_and_without(folder, monkeypatch):
     """Every search of a scene, found, read again, and with the cache off."""
 

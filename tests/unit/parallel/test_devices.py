@@ -20,7 +20,6 @@ def test_four_devices_equal_one_and_go_on_with_each_others_runs(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_stencils_and_implicit_steps_on_four_devices_equal_those_on_one(tmp_path):
     assert run_on_four(PROGRAM, "every_kind", tmp_path) == "equal"
 

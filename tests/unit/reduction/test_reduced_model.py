@@ -91,7 +91,7 @@ def scenes_of_everything():
 @pytest.mark.parametrize(
     "scene",
     [
-        pytest.param(scene, id=name, marks=[pytest.mark.slice] * ("sun" not in name))
+        pytest.param(scene, id=name, marks=[pytest.mark.slice] * ("uneven" in name))
         for name, scene in scenes_of_everything()
     ],
 )
@@ -104,8 +104,7 @@ def test_every_linear_mechanism_is_the_same_as_in_the_full_run(scene):
 
 
 @pytest.mark.parametrize(
-    "method",
-    ["krylov", pytest.param("pod", marks=[pytest.mark.slow, pytest.mark.slice])],
+    "method", ["krylov", pytest.param("pod", marks=pytest.mark.slow)]
 )
 def test_the_error_falls_with_the_size_and_is_known(scene, complete_model, method):
     errors = []

@@ -114,17 +114,8 @@ def _alone(program, states, time):
     return heat, entries
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param("everything", marks=[pytest.mark.slow, pytest.mark.slice]),
-        *(
-            pytest.param(name, marks=pytest.mark.slow)
-            for name in SCENES
-            if name != "everything"
-        ),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
 def test_one_balance_is_all_bodies_own(grids, name):
     compiled = compile_scene(_scene(grids, *SCENES[name]), 1, 5.0)
     chance = np.random.default_rng(0)

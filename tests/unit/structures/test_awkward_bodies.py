@@ -47,14 +47,11 @@ BODIES = {
 }
 
 
-IN_SLICE = ("one voxel", "a lone voxel")
-
-
 @SHALLOW
 @pytest.mark.parametrize(
     "body",
     [
-        pytest.param(name, marks=pytest.mark.slice if name in IN_SLICE else ())
+        pytest.param(name, marks=[pytest.mark.slice] * (name == "one voxel"))
         for name in BODIES
     ],
 )
