@@ -21,6 +21,7 @@ import jax
 import numpy as np
 
 from ..arrays import HOST, device_array, is_compiling, is_traced
+from .once import once
 
 
 MAX_BYTES = 512 * 1024**2
@@ -162,7 +163,7 @@ def _leaves(value: Any) -> list[Any]:
 
 def on_device(tree: Any) -> Any:
     """A pytree with its arrays of numpy on the device, each once."""
-    leaves, structure = jax.tree.flatten(tree)
-    host = {id(leaf): leaf for leaf in leaves if isinstance(leaf, HOST)}
-    moved = {key: device_array(leaf) for key, leaf in host.items()}
-    return structure.unflatten([moved.get(id(leaf), leaf) for leaf in leaves])
+    move = once(device_array)
+    return jax.tree.map(
+        lambda leaf: move(leaf) if isinstance(leaf, HOST) else leaf, tree
+    )

@@ -41,6 +41,15 @@ class Forcing(NamedTuple):
     """Lowest temperature towards which it cools a body [K]; infinity for none."""
 
 
+class FluxBounds(NamedTuple):
+    """Bounds of a heat flux within bounds of the temperatures; infinite for none."""
+
+    flux: float
+    """Largest |flux| [W/m^2]."""
+    curvature: float
+    """Largest |d2 flux / dT2| [W/(m^2 K^2)]."""
+
+
 class LinearLaw(NamedTuple):
     """A heat flux w d(t) - s theta with a constant slope s."""
 
@@ -167,6 +176,13 @@ class AbstractFluxLaw(Module):
     def curvature(self, within: Forcing, end: float) -> float | Float[Array, ""]:
         """A bound of |d2 flux / dT2| within these bounds [W/(m^2 K^2)]."""
         return math.inf
+
+    def bounds(self, within: Forcing, end: float) -> FluxBounds:
+        """Both bounds within bounds of the temperatures up to `end` [s]."""
+        return FluxBounds(
+            flux=float(self.max_flux(within, end)),
+            curvature=float(self.curvature(within, end)),
+        )
 
     def supersolution(self, time: Time, imposed: PerCell) -> PerCellOrOne:
         """A theta at which the surface loses at least the imposed heat.

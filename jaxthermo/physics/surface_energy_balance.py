@@ -33,22 +33,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
-from jaxtyping import Array, Float, Int
-from scipy.sparse import csr_array
+from jaxtyping import Array, Float
 
 from ..arrays import Time, is_traced, stop_gradient
-from ..memo.found import found
 from ..network.increasing_root import Balance, increasing_root
 from ..network.network import inverse, precise_sum
 from .flux_law import (
+    AbstractFluxLaw,
     BoundTerm,
-    Forcing,
+    FluxBounds,
     LinearSum,
     PerCell,
     PerCellOrOne,
     Values,
     bound,
-    totals,
 )
 from .half_cells import Extremes, Linearized, Rates, Solved, VaryingHalfCells
 
@@ -88,26 +86,23 @@ class SurfaceTerms(Module):
         """True if one iteration of Newton's method is the solution."""
         return all(term.law.is_linear for _, term in self.natural)
 
-    def newton_iterations(self, within: Forcing | None, end: float) -> int:
+    def newton_iterations(self, bounds: Callable[[AbstractFluxLaw], FluxBounds]) -> int:
         """Number of iterations from the node's temperature that solve the balance.
 
-        It is the maximum where no bound is known, as for unknown temperatures up to
-        `end` [s].
+        It is the maximum where a law has no bound.
         """
-        traced = is_traced((self.half_cell, self.natural))
-        if within is None or self.is_linear or traced:
+        if self.is_linear or is_traced((self.half_cell, self.natural)):
             return MAX_ITERATIONS
         conducts = np.asarray(self.half_cell)
         flux = np.zeros_like(conducts)
         curvature = np.zeros_like(conducts)
         for _, term in self.natural:
-            max_flux = float(term.law.max_flux(within, end))
-            max_curvature = float(term.law.curvature(within, end))
-            if not np.isfinite([max_flux, max_curvature]).all():
+            of_law = bounds(term.law)
+            if not np.isfinite(of_law).all():
                 return MAX_ITERATIONS
             area = np.asarray(term.effective_area)
-            flux += area * max_flux
-            curvature += area * max_curvature
+            flux += area * of_law.flux
+            curvature += area * of_law.curvature
         # Terms that radiate from prescribed temperatures only have no flux here.
         if not flux.any():
             return 1
@@ -405,48 +400,13 @@ class SurfaceTerms(Module):
         )
         return sum(prescribed, through)
 
-    def coarsened(
-        self, cell: Int[np.ndarray, " m"], counts: tuple[int, ...], reference: Any
-    ) -> "SurfaceTerms":
-        """The terms on cells that each combine several fragments.
-
-        `cell` is the number of each fragment's cell, or -1 to drop it, `counts` are the
-        numbers of cells of the bodies, and `reference` is that of the cells [K].
-        """
-        # Areas and conductances add up; laws are averaged by effective area, so that
-        # the heat at one temperature stays the same.
-        cells = sum(counts)
-        by_cell = found((cell,), ("by cell", cells), lambda: _by_cell(cell, cells))
-
-        def add(values):
-            if is_traced(values):
-                fragments = np.flatnonzero(cell >= 0)
-                if len(fragments) < len(cell):
-                    values = values[..., fragments]
-                return jax.ops.segment_sum(values.T, cell[fragments], cells).T
-            host = np.asarray(values)
-            return (by_cell @ host.T).T.astype(host.dtype)
-
-        def merge(term: BoundTerm) -> BoundTerm:
-            area = add(term.effective_area)
-
-            def mean(values):
-                heat = add(values * _along_last(term.effective_area, values))
-                return heat * _along_last(inverse(jnp.asarray(area)), heat)
-
-            return replace(
-                term,
-                effective_area=area,
-                total_effective_area=totals(area, counts),
-                law=term.law.coarsened(mean).above(reference),
-            )
-
+    def mapped(self, function: Callable[[BoundTerm], BoundTerm]) -> "SurfaceTerms":
+        """The terms with a function applied to each."""
         return replace(
             self,
-            half_cell=add(self.half_cell),
-            natural=_mapped(merge, self.natural),
-            prescribed=_mapped(merge, self.prescribed),
-            radiating=_mapped(merge, self.radiating),
+            natural=_mapped(function, self.natural),
+            prescribed=_mapped(function, self.prescribed),
+            radiating=_mapped(function, self.radiating),
         )
 
     def selected(
@@ -476,22 +436,9 @@ def _mapped(
     return tuple((n, function(term)) for n, term in terms)
 
 
-def _along_last(weight, values):
-    """Weights of cells, shaped for values that have the cells on the last axis."""
-    return weight[(None,) * (values.ndim - 1)]
-
-
 def _ratio(above, below):
     """Above / below, and 0 where below is 0."""
     # XLA stores the result of a final division as an array, instead of repeating a
     # whole step for every sum that reads it.
     positive = below > 0
     return jnp.where(positive, above, 0) / jnp.where(positive, below, 1)
-
-
-def _by_cell(cell: Int[np.ndarray, " m"], cells: int) -> csr_array:
-    """Matrix that sums values of fragments by cell, without those of cell -1."""
-    # In double precision, whatever the type of the values.
-    fragments = np.flatnonzero(cell >= 0)
-    entries = (np.ones(len(fragments)), (cell[fragments], fragments))
-    return csr_array(entries, shape=(cells, len(cell)))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..flux_law import Forcing
@@ -88,19 +88,21 @@ class Beside(NamedTuple):
 
     place: int
     """Its place among the bindings."""
-    acts: Bool[np.ndarray, " s"]
-    """Fragments on which both act."""
+    acts: Float[np.ndarray, " s"]
+    """1 on fragments on which both act, 0 elsewhere."""
 
 
 def mixing(
     bindings: Sequence[tuple[int, Binding]],
     fraction: Callable[[int], Float[np.ndarray, " s"]],
+    dtype: Any,
 ) -> dict[int, list[Beside]]:
     """Bindings of convection beside which others act, by their places, with these.
 
     Args:
         bindings: with the numbers of their terms. Bindings of one term do not mix.
         fraction: of each fragment that the binding of a place ever acts on.
+        dtype: of the state.
     """
     terms = {
         place: number
@@ -114,23 +116,33 @@ def mixing(
     for first, second in permutations(terms, 2):
         acts = overlap(fractions[first], fractions[second])
         if terms[first] != terms[second] and acts.any():
-            beside.setdefault(first, []).append(Beside(second, acts))
+            beside.setdefault(first, []).append(Beside(second, acts.astype(dtype)))
     return beside
 
 
+def mixed_law(
+    neighbours: Sequence[Beside], law: AbstractFilmLaw, *others: AbstractFilmLaw
+) -> MixedConvection:
+    """The law of a mechanism beside those of its neighbours, in their order."""
+    return MixedConvection(
+        law, others=others, acts=tuple(neighbour.acts for neighbour in neighbours)
+    )
+
+
 def mixed(
-    bindings: Sequence[tuple[int, Binding]], beside: Mapping[int, Sequence[Beside]]
+    bindings: Sequence[tuple[int, Binding]],
+    beside: Mapping[int, Sequence[Beside]],
+    law_beside: Callable[..., MixedConvection],
 ) -> list[tuple[int, Binding]]:
-    """Bindings, those of convection with the part that each has beside others."""
+    """Bindings, those of convection with the part that each has beside others.
+
+    Their laws are made as by `mixed_law`.
+    """
     parts = list(bindings)
     for place, neighbours in beside.items():
         number, binding = bindings[place]
-        dtype = binding.effective_area.dtype
-        law = MixedConvection(
-            _film_law(binding),
-            others=tuple(_film_law(bindings[n.place][1]) for n in neighbours),
-            acts=tuple(n.acts.astype(dtype) for n in neighbours),
-        )
+        others = (_film_law(bindings[n.place][1]) for n in neighbours)
+        law = law_beside(neighbours, _film_law(binding), *others)
         parts[place] = number, binding._replace(law=law)
     return parts
 

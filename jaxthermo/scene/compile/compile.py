@@ -21,6 +21,7 @@ from jaxtyping import Bool
 
 from ...arrays import is_compiling, is_traced
 from ...memo.found import on_device, searches_recorded
+from ...memo.once import once
 from ...physics.flux_law import Forcing
 from ...physics.radiation.irradiation import (
     SceneRadiation,
@@ -373,12 +374,13 @@ def _radiation(
 ) -> tuple[SurfaceRadiation, ...]:
     """Irradiation of the surface at each snapshot, in arrays of the programs if any."""
     exchange = [t for t in scene.terms if isinstance(t, AbstractExchangeTerm)]
+    enclosure_on = once(exchange[0].enclosure) if exchange else None
     reaching = []
     for snapshot, program in zip(snapshots, programs, strict=True):
         enclosure = program.fine_enclosure
         # Surfaces that only reflect, or are held at a temperature, take no heat.
-        if enclosure is None and exchange:
-            enclosure = exchange[0].enclosure(snapshot.surface)[0]
+        if enclosure is None and enclosure_on is not None:
+            enclosure, _ = enclosure_on(snapshot.surface)
         reaching.append(
             surface_radiation(snapshot.surface, snapshot.irradiation, enclosure)
         )

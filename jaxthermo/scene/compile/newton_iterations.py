@@ -6,13 +6,22 @@ linear laws needs none, a stiff one all.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float, Int
 
-from ...physics.flux_law import Forcing
-from ...physics.surface_energy_balance import MAX_ITERATIONS
+from ...memo.once import once
+from ...physics.flux_law import (
+    AbstractFluxLaw,
+    BoundTerm,
+    FluxBounds,
+    Forcing,
+    bound,
+)
+from ...physics.surface_energy_balance import MAX_ITERATIONS, SurfaceTerms
 from .program import Program
 from .surface_load import SurfaceLoad
 
@@ -27,36 +36,75 @@ def with_iterations(
         temperatures: bounds of all temperatures.
         end: end of the run [s].
     """
-    count = max(_iterations(program, temperatures, end) for program in programs)
+    count = _iterations(programs, temperatures, end)
     return tuple(_iterating(program, count) for program in programs)
 
 
-def _iterations(program: Program, temperatures: Forcing, end: float) -> int:
+def _iterations(programs: Sequence[Program], within: Forcing, end: float) -> int:
     """Newton iterations that every body needs at most; linear laws need none."""
-    terms = program.fragment_terms
-    if terms.is_linear:
+    snapshots = _with_shared_laws(programs)
+    if any(terms.is_linear for terms in snapshots):
         return MAX_ITERATIONS
-    # On the host, where nothing is compiled for each shape of a body.
-    terms = jax.tree.map(_on_host, terms)
-    entries = set(program.entries)
+    first = programs[0]
+    entries = set(first.entries)
     iterations = []
-    for body, cells in zip(program.bodies, program.fragments(), strict=True):
+    for body, cells in zip(first.bodies, first.fragments(), strict=True):
         acting = {
             k
-            for k, name in enumerate(terms.names)
+            for k, name in enumerate(snapshots[0].names)
             if any((name, (number,)) in entries for number in body.numbers)
         }
-        body_terms = terms
-        if len(program.bodies) > 1 or len(acting) < len(terms.names):
-            body_terms = terms.selected(
-                cells, acting, np.asarray(body.fragment_reference)
+        reference = np.asarray(body.fragment_reference)
+        bounds = once(partial(_bounds, cells, reference, within, end))
+        for terms in snapshots:
+            natural = [(k, term) for k, term in terms.natural if k in acting]
+            if all(term.law.is_linear for _, term in natural):
+                continue
+            if not body.network.is_linear:
+                return MAX_ITERATIONS
+            on_body = replace(
+                terms,
+                half_cell=terms.half_cell[cells],
+                natural=tuple(
+                    (k, bound(term.effective_area[cells], term.law))
+                    for k, term in natural
+                ),
             )
-        if body_terms.is_linear:
-            continue
-        if not body.network.is_linear:
-            return MAX_ITERATIONS
-        iterations.append(body_terms.newton_iterations(temperatures, end))
+            iterations.append(on_body.newton_iterations(bounds))
     return max(iterations, default=MAX_ITERATIONS)
+
+
+def _bounds(
+    cells: slice | Int[np.ndarray, " _"],
+    reference: Float[np.ndarray, "*_"],
+    within: Forcing,
+    end: float,
+    law: AbstractFluxLaw,
+) -> FluxBounds:
+    """Bounds of a law on the cells of one body, with its reference [K]."""
+    on_body = law.coarsened(lambda values: values[..., cells])
+    return on_body.above(reference).bounds(within, end)
+
+
+def _with_shared_laws(programs: Sequence[Program]) -> list[SurfaceTerms]:
+    """Terms of each program on the host; laws of the same arrays are one object."""
+    laws: dict[object, AbstractFluxLaw] = {}
+
+    def with_shared_law(term: BoundTerm) -> BoundTerm:
+        leaves, structure = jax.tree.flatten(term.law)
+        key = (structure, *map(id, leaves))
+        if key not in laws:
+            laws[key] = jax.tree.map(_on_host, term.law)
+        area = np.asarray(term.effective_area)
+        return replace(term, effective_area=area, law=laws[key])
+
+    return [
+        replace(
+            program.fragment_terms.mapped(with_shared_law),
+            half_cell=np.asarray(program.fragment_terms.half_cell),
+        )
+        for program in programs
+    ]
 
 
 def _on_host(leaf: Any) -> Any:

@@ -1,22 +1,30 @@
 """From snapshots of a scene to programs, alike but for their numbers."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from ...arrays import consecutive, device_array, typed_array
+from ...memo.once import once
 from ...network.group_order import GroupOrder
 from ...network.network import Address
 from ...network.segment_sums import sums_of_lists
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import Joint
 from ...physics.convection.enclosed_air import AirExchange, EnclosedAir
-from ...physics.convection.mixed_convection import Beside, mixed, mixing
-from ...physics.flux_law import bound
+from ...physics.convection.mixed_convection import (
+    Beside,
+    MixedConvection,
+    mixed,
+    mixed_law,
+    mixing,
+)
+from ...physics.flux_law import BoundTerm, Values, bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface import Omitted, Surface
@@ -25,6 +33,7 @@ from ...physics.term import (
     AbstractExchangeTerm,
     AbstractPairTerm,
     AbstractSurfaceTerm,
+    AbstractTerm,
     AbstractVolumeTerm,
 )
 from ...physics.time_varying import breakpoints, changes_unseen, for_jit
@@ -32,14 +41,14 @@ from ..scene import Scene, mechanism_names
 from .bodies import PreparedGroup
 from .body_program import BodyProgram, Members, VolumeLoad
 from .claims import acting_fraction
-from .contacts import PairKey
+from .contacts import PairKey, TouchingPairs
 from .groups import BodyGroup, fragment_order
 from .linear_load import linear_programs
 from .probes import bind_probes
 from .program import Program, surface_heat
 from .snapshots import Snapshot, acting
 from .surface_cells import body_cells
-from .surface_load import AbstractSurfaceLoad, surface_load
+from .surface_load import CellLayout
 
 
 Volumes = dict[tuple[int, int], VolumeBinding]
@@ -98,6 +107,21 @@ def breakpoints_of(scene: Scene, acting: tuple[int, ...]) -> tuple[float, ...]:
     """Times at which a value of a term that acts has a kink or jump [s]."""
     values = [value for number in acting for value in scene.terms[number].values]
     return tuple(sorted({time for value in values for time in breakpoints(value)}))
+
+
+class _OnSurface(NamedTuple):
+    """Parts of the programs of all snapshots on one surface."""
+
+    half_cell: Float[Values, " s"]
+    """Conductance from the natural part of each fragment to its node [W/K]."""
+    bodies: tuple[BodyProgram, ...]
+    cells: CellLayout | None
+    fine_enclosure: Enclosure | None
+    """Radiation between fragments; None without a term for it."""
+    enclosure: Enclosure | None
+    """Radiation between surface cells."""
+    accuracy: Any
+    """Accuracy of the exchange, see `AbstractExchangeTerm.enclosure`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,20 +196,32 @@ class ProgramBuilder:
             # Natural bindings are the first of all.
             return acting_fraction(term, first.surface, self._acting[place])
 
-        return mixing(first.natural, fraction)
+        return mixing(first.natural, fraction, self._dtype)
+
+    @cached_property
+    def _pair_sizes(self) -> dict[PairKey, int]:
+        return _pair_counts(self.snapshots)
+
+    @cached_property
+    def _used_terms(self) -> list[AbstractTerm]:
+        return [self.scene.terms[number] for number in acting_terms(self.ledger)]
+
+    @cached_property
+    def _exchange(self) -> AbstractExchangeTerm | None:
+        terms = self._used_terms
+        return next((t for t in terms if isinstance(t, AbstractExchangeTerm)), None)
+
+    @cached_property
+    def _bodies(self) -> tuple[BodyProgram, ...]:
+        return tuple(self._body(body) for body in self.prepared)
 
     def programs(self) -> tuple[tuple[Program, ...], tuple[str, ...]]:
         """The program of each snapshot, all with arrays of the same shapes, and notes.
 
-        The notes for the receipt state the accuracy of an exchange.
+        What snapshots share is made once, and is the same arrays in their programs. The
+        notes for the receipt state the accuracy of an exchange.
         """
-        terms = [self._fragment_terms(snapshot) for snapshot in self.snapshots]
-        used = [self.scene.terms[number] for number in acting_terms(self.ledger)]
-        values = [value for term in used for value in term.values]
-        exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
-        sizes = _pair_counts(self.snapshots)
-        touched = {self._group_of[number][0] for key in sizes for number in key[1:]}
-        bodies = [self._body(body) for body in self.prepared]
+        values = [value for term in self._used_terms for value in term.values]
         # Areas of fragments and nodes of probes do not change as bodies move.
         probes = ()
         if self.scene.probes:
@@ -193,33 +229,25 @@ class ProgramBuilder:
         surfaces = self.snapshots[0].surface.bodies
         areas = [body.grid.fragment_area for body in surfaces]
         outputs = surface_heat(self.scene, areas, tuple(self._names))
+        airs = self._airs()
+        on_surface = once(self._on_surface)
+        contacts = once(self._contacts)
         programs = []
         accuracies = []
-        for snapshot, fragment_terms in zip(self.snapshots, terms, strict=True):
-            surface = snapshot.surface
-            fine = None
-            if exchange is not None:
-                fine, accuracy = exchange.enclosure(surface)
-                accuracies.append(accuracy)
-            load, enclosure = self._surface_load(fragment_terms, surface, fine)
-            exposed = self._by_group(
-                np.concatenate([body.exposed_fraction for body in surface.bodies])
-            )
+        for snapshot in self.snapshots:
+            parts = on_surface(snapshot.surface)
+            accuracies.append(parts.accuracy)
+            terms = self._fragment_terms(snapshot, parts.half_cell)
+            cells = parts.cells
             program = Program(
-                bodies=tuple(
-                    replace(body, exposed_fraction=exposed[n]) if n in touched else body
-                    for n, body in enumerate(bodies)
-                ),
-                surface=load,
-                fragment_terms=fragment_terms,
+                bodies=parts.bodies,
+                surface=None if cells is None else cells.load(terms),
+                fragment_terms=terms,
                 order=self._order[1],
-                contacts=tuple(
-                    self._contact(keys, snapshot, sizes)
-                    for keys in self._joined_pairs(sizes)
-                ),
-                enclosure=enclosure,
-                fine_enclosure=fine,
-                airs=self._airs(),
+                contacts=contacts(snapshot.pairs),
+                enclosure=parts.enclosure,
+                fine_enclosure=parts.fine_enclosure,
+                airs=airs,
                 probes=probes,
                 surface_heat=outputs,
                 entries=tuple((name, key[1:]) for key, name in self.ledger.items()),
@@ -229,7 +257,35 @@ class ProgramBuilder:
         # Linear sums are made on the host, in double precision.
         if all(program.fragment_terms.is_linear for program in programs):
             programs = linear_programs(programs) or programs
-        return tuple(programs), _accuracy_notes(exchange, accuracies)
+        return tuple(programs), _accuracy_notes(self._exchange, accuracies)
+
+    def _on_surface(self, surface: Surface) -> _OnSurface:
+        touched = {
+            self._group_of[number][0] for key in self._pair_sizes for number in key[1:]
+        }
+        exposed = self._by_group(
+            np.concatenate([body.exposed_fraction for body in surface.bodies])
+        )
+        fine = None
+        accuracy = None
+        if self._exchange is not None:
+            fine, accuracy = self._exchange.enclosure(surface)
+        cells = self._cell_layout(fine)
+        # Where a temperature is prescribed, that term holds the half cell.
+        half_cell = surface.half_cell
+        if not surface.natural.all():
+            half_cell = half_cell * surface.natural.astype(surface.dtype)
+        return _OnSurface(
+            half_cell=half_cell,
+            bodies=tuple(
+                replace(body, exposed_fraction=exposed[n]) if n in touched else body
+                for n, body in enumerate(self._bodies)
+            ),
+            cells=cells,
+            fine_enclosure=fine,
+            enclosure=None if fine is None or cells is None else cells.enclosure(fine),
+            accuracy=accuracy,
+        )
 
     def _airs(self) -> tuple[AirExchange, ...]:
         return tuple(
@@ -246,33 +302,37 @@ class ProgramBuilder:
             if isinstance(term, EnclosedAir)
         )
 
-    def _fragment_terms(self, snapshot: Snapshot) -> SurfaceTerms:
+    @cached_property
+    def _fragment_term(self) -> Callable[..., BoundTerm]:
+        return once(bound)
+
+    @cached_property
+    def _mixed_law(self) -> Callable[..., MixedConvection]:
+        return once(mixed_law)
+
+    def _fragment_terms(
+        self, snapshot: Snapshot, half_cell: Float[Values, " s"]
+    ) -> SurfaceTerms:
         """The terms on the fragments of all bodies, by their number in the scene."""
         order = {number: k for k, number in enumerate(self._names)}
 
         def numbered(bindings):
             return tuple(
-                (order[number], bound(binding.effective_area, binding.law))
-                for number, binding in bindings
+                (order[number], self._fragment_term(b.effective_area, b.law))
+                for number, b in bindings
             )
 
-        # Where a temperature is prescribed, that term holds the half cell.
-        surface = snapshot.surface
-        half_cell = surface.half_cell
-        if not surface.natural.all():
-            half_cell = half_cell * surface.natural.astype(surface.dtype)
+        natural = mixed(snapshot.natural, self._mixing, self._mixed_law)
         return SurfaceTerms(
             names=tuple(self._names.values()),
             half_cell=half_cell,
-            natural=numbered(mixed(snapshot.natural, self._mixing)),
+            natural=numbered(natural),
             prescribed=numbered(snapshot.prescribed),
             radiating=numbered(snapshot.radiating),
         )
 
-    def _surface_load(
-        self, terms: SurfaceTerms, surface: Surface, fine: Enclosure | None
-    ) -> tuple[AbstractSurfaceLoad | None, Enclosure | None]:
-        """The load on surface cells, and the radiation between them."""
+    def _cell_layout(self, fine: Enclosure | None) -> CellLayout | None:
+        """The surface cells of all bodies."""
         # By term, and by group.
         masks = [self._by_group(is_acting) for is_acting in self._acting]
         # Fragments of one cell must be in one patch of the radiative exchange.
@@ -291,40 +351,39 @@ class ProgramBuilder:
         index, _ = self._order
         joined = np.empty(len(index), np.int64)
         joined[index] = np.concatenate(numbers)
-        load = surface_load(
-            terms,
-            cells=cells,
+        return CellLayout.of_groups(
+            cells,
             cell=joined,
             references=[body.reference for body in self.prepared],
             entries=self._rows,
             entry_count=len(self.ledger),
+            dtype=self._dtype,
         )
-        if fine is None or load is None:
-            return load, None
-        return load, fine.coarsened(joined, load.counts)
 
-    def _joined_pairs(self, sizes: dict[PairKey, int]) -> list[list[PairKey]]:
-        """Pairs of bodies that a term joins, those of the same two groups together."""
+    def _contacts(
+        self, pairs: dict[PairKey, TouchingPairs]
+    ) -> tuple[ContactLinks, ...]:
+        """Links of all touching bodies, those of the same term and groups together."""
         joined: dict[tuple[int, int, int], list[PairKey]] = {}
-        for key in sizes:
+        for key in self._pair_sizes:
             number, first, second = key
             groups = self._group_of[first][0], self._group_of[second][0]
             joined.setdefault((number, *groups), []).append(key)
-        return list(joined.values())
+        return tuple(self._contact(keys, pairs) for keys in joined.values())
 
     def _contact(
-        self, keys: list[PairKey], snapshot: Snapshot, sizes: dict[PairKey, int]
+        self, keys: list[PairKey], pairs_by_key: dict[PairKey, TouchingPairs]
     ) -> ContactLinks:
         joints = []
         for key in keys:
             _, *bodies = key
-            pairs = snapshot.pairs.get(key)
+            pairs = pairs_by_key.get(key)
             first, second = (self._group_of[body][1] for body in bodies)
             joints.append(
                 Joint(
                     pairs=None if pairs is None else pairs.shifted(first, second),
                     entry=self._entry[key],
-                    size=sizes[key],
+                    size=self._pair_sizes[key],
                     bodies=(bodies[0], bodies[1]),
                 )
             )

@@ -1,13 +1,6 @@
-"""Snapshots: the geometry of a scene, its contacts and bound terms at one moment.
-
-Terms that prescribe a temperature are bound first: no other term acts there. What a
-surface of prescribed temperature radiates to others is bound separately.
-"""
+"""Snapshots: the geometry of a scene, its contacts and bound terms at one moment."""
 
 import itertools
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,51 +9,41 @@ from jaxtyping import Bool, Float
 from ...errors import located
 from ...geometry.mesh import Pose
 from ...memo.found import found
+from ...memo.once import once
 from ...physics.contact.overlap import AnyOverlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
 from ...physics.flux_law import Forcing
 from ...physics.occluder import Occluder
-from ...physics.radiation.irradiation import AbstractRadiativeTerm, Irradiation
+from ...physics.radiation.irradiation import Irradiation
 from ...physics.surface import (
-    Binding,
     BodySurface,
     Omitted,
     Surface,
     enclosing_bodies,
     placed_surface,
 )
-from ...physics.term import (
-    AbstractExchangeTerm,
-    AbstractSurfaceTerm,
-    AbstractTerm,
-)
 from ...voxels.abstract_grid import AbstractGrid
-from ...voxels.selection import AbstractSelection
 from ..air import bodies_with_surface
 from ..motion import moving_together
 from ..scene import Body, Scene
+from .bindings import BindingSteps, NumberedBindings, bind_terms
 from .bodies import (
     PreparedGroup,
     half_cells_of,
     references_of,
     surface_property,
 )
-from .claims import claimed_fragments
-from .contacts import PairKey, TouchingPairs, find_contacts
-
-
-# Bindings with the number of their term in the scene.
-_NumberedBindings = tuple[tuple[int, Binding], ...]
+from .contacts import Contacts, PairKey, TouchingPairs, find_contacts
 
 
 class Snapshot(NamedTuple):
     """A scene at one moment: its surface, and what acts on it."""
 
     surface: Surface
-    natural: _NumberedBindings
+    natural: NumberedBindings
     """Terms that give a flux, where no temperature is prescribed."""
-    prescribed: _NumberedBindings
-    radiating: _NumberedBindings
+    prescribed: NumberedBindings
+    radiating: NumberedBindings
     """Exchange of surfaces whose temperature is prescribed with others."""
     omitted: tuple[tuple[int, Omitted], ...]
     """Surface terms that do not act on a body, by their number."""
@@ -73,7 +56,7 @@ class Snapshot(NamedTuple):
     """Bodies that overlap by more than a contact, by their numbers."""
 
     @property
-    def bindings(self) -> _NumberedBindings:
+    def bindings(self) -> NumberedBindings:
         """All bindings, natural ones first."""
         return (*self.natural, *self.prescribed, *self.radiating)
 
@@ -88,49 +71,45 @@ def take_snapshots(
 ) -> list[Snapshot]:
     """The scene at every snapshot, from its start, with the same bindings at each.
 
-    Terms without effect are left out if `prune`.
+    What stands still is the same object in all of them: surfaces of bodies at rest, and
+    bindings to them of terms at rest. Terms without effect are left out if `prune`.
     """
     # Several snapshots need the same bindings: a term that does not act now is omitted
     # only where there is one snapshot.
-    once = prune and len(starts) == 1
+    is_single = prune and len(starts) == 1
     stops = (*starts[1:], max(end, starts[-1]))
     # The geometry halfway between two snapshots is exact to second order in their
     # distance for whatever moves smoothly.
     times = [(start + stop) / 2 for start, stop in zip(starts, stops, strict=True)]
-    snapshots = []
     surfaced = bodies_with_surface(scene)
-    poses_at = [tuple(body.pose.at(time) for body in surfaced) for time in times]
+    known_poses: dict[tuple, Pose] = {}
+    poses_at = []
+    for time in times:
+        poses = [body.pose.at(time) for body in surfaced]
+        # Equal poses are one object.
+        poses_at.append(tuple(known_poses.setdefault(p.key, p) for p in poses))
     together = moving_together(
         poses_at, min(body.structure.grid.pitch for body in surfaced)
     )
-    for time, poses in zip(times, poses_at, strict=True):
-        placed = tuple(
-            PlacedGrid(body.structure.grid, pose, f"body {index}")
-            for index, (body, pose) in enumerate(zip(surfaced, poses, strict=True))
-        )
-        overlaps = _overlaps(placed)
-        contacts = find_contacts(scene, placed)
-        bodies = _body_surfaces(
-            surfaced,
+
+    @once
+    def at_rest(*poses: Pose) -> _AtRest:
+        return _at_rest(
+            scene,
+            prepared=prepared,
             poses=poses,
             together=together,
-            covered=contacts.covered,
-            dtype=np.dtype(scene.dtype),
-            prune=once,
-        )
-        half_cell = half_cells_of(prepared)
-        if any(fraction is not None for fraction in contacts.covered):
-            exposed = [body.exposed_fraction for body in bodies]
-            half_cell = half_cell * np.concatenate(exposed)
-        surface = Surface(
-            bodies=bodies,
-            half_cell=half_cell,
-            references=references_of(prepared)[: len(surfaced)],
             temperatures=temperatures,
             end=end,
+            prune=is_single,
         )
+
+    steps = BindingSteps.once()
+    snapshots = []
+    for time, poses in zip(times, poses_at, strict=True):
+        bodies = at_rest(*poses)
         terms = [term.at(time) for term in scene.terms]
-        bound = _bind_terms(terms, surface)
+        bound = bind_terms(terms, bodies.surface, steps)
         snapshots.append(
             Snapshot(
                 surface=bound.surface,
@@ -139,12 +118,58 @@ def take_snapshots(
                 radiating=bound.radiating,
                 omitted=bound.omitted,
                 irradiation=bound.irradiation,
-                pairs=contacts.pairs,
-                unpaired=contacts.unpaired,
-                overlaps=overlaps,
+                pairs=bodies.contacts.pairs,
+                unpaired=bodies.contacts.unpaired,
+                overlaps=bodies.overlaps,
             )
         )
     return _without_idle(snapshots) if prune else snapshots
+
+
+class _AtRest(NamedTuple):
+    """Bodies at some poses: their surface, and where they touch and overlap."""
+
+    surface: Surface
+    contacts: Contacts
+    overlaps: dict[tuple[int, int], AnyOverlap]
+
+
+def _at_rest(
+    scene: Scene,
+    prepared: tuple[PreparedGroup, ...],
+    poses: tuple[Pose, ...],
+    together: tuple[tuple[int, ...], ...],
+    temperatures: Forcing | None,
+    end: float | int,
+    prune: bool,
+) -> _AtRest:
+    surfaced = bodies_with_surface(scene)
+    placed = tuple(
+        PlacedGrid(body.structure.grid, pose, f"body {index}")
+        for index, (body, pose) in enumerate(zip(surfaced, poses, strict=True))
+    )
+    overlaps = _overlaps(placed)
+    contacts = find_contacts(scene, placed)
+    bodies = _body_surfaces(
+        surfaced,
+        poses=poses,
+        together=together,
+        covered=contacts.covered,
+        dtype=np.dtype(scene.dtype),
+        prune=prune,
+    )
+    half_cell = half_cells_of(prepared)
+    if any(fraction is not None for fraction in contacts.covered):
+        exposed = [body.exposed_fraction for body in bodies]
+        half_cell = half_cell * np.concatenate(exposed)
+    surface = Surface(
+        bodies=bodies,
+        half_cell=half_cell,
+        references=references_of(prepared)[: len(surfaced)],
+        temperatures=temperatures,
+        end=end,
+    )
+    return _AtRest(surface, contacts=contacts, overlaps=overlaps)
 
 
 def _without_idle(snapshots: list[Snapshot]) -> list[Snapshot]:
@@ -248,33 +273,6 @@ def _exposed(
     return _Exposed(area, fraction.astype(dtype), fraction > 0)
 
 
-def _reached(term: AbstractSurfaceTerm, surface: Surface) -> Surface:
-    """The surface that a term reaches; terms from outside reach no closed cavity."""
-    # A mask names every single fragment and a face one side: they apply as they are.
-    selection: AbstractSelection | None = getattr(term, "on", None)
-    named = selection is not None and not selection.is_geometric
-    return surface.outside if term.from_outside and not named else surface
-
-
-def _irradiation(
-    term: AbstractRadiativeTerm, surface: Surface
-) -> tuple[Irradiation, ...]:
-    """Irradiation by a term, without the closed cavities that it does not reach."""
-    everywhere = term.irradiation(surface)
-    if _reached(term, surface) is surface:
-        return everywhere
-    enclosed = np.concatenate(
-        [
-            np.zeros(n, bool) if body.enclosed is None else body.enclosed
-            for n, body in zip(surface.counts, surface.bodies, strict=True)
-        ]
-    )
-    return tuple(
-        irradiation._replace(factor=irradiation.factor * ~enclosed)
-        for irradiation in everywhere
-    )
-
-
 # Overlaps depend on voxels and poses alone: they are computed once for all runs, and
 # again for pairs of which one has moved.
 def _overlaps(
@@ -287,135 +285,3 @@ def _overlaps(
         by=("overlaps", tuple(body.pose.key for body in placed)),
         find=lambda: find_overlaps(placed),
     )
-
-
-class _BoundTerms(NamedTuple):
-    """Surface terms bound to a surface; see the fields of `Snapshot`."""
-
-    surface: Surface
-    natural: _NumberedBindings
-    prescribed: _NumberedBindings
-    radiating: _NumberedBindings
-    omitted: tuple[tuple[int, Omitted], ...]
-    irradiation: tuple[tuple[str, Irradiation], ...]
-
-
-def _bind_terms(terms: Sequence[AbstractTerm], surface: Surface) -> _BoundTerms:
-    """Bind all surface terms, those that prescribe a temperature first.
-
-    Raises:
-        InputError: if two terms prescribe the temperature of one piece of surface, or
-            both compute its emission.
-    """
-    surface_terms = {
-        n: term for n, term in enumerate(terms) if isinstance(term, AbstractSurfaceTerm)
-    }
-    irradiation = _bind_irradiation(surface_terms, surface)
-    dirichlet = {n: term for n, term in surface_terms.items() if term.is_dirichlet}
-    prescribed, omitted = _bind_laws(dirichlet, surface, irradiation)
-    free = surface
-    radiating: _NumberedBindings = ()
-    if prescribed:
-        # Other terms have no effect where a temperature is prescribed.
-        claimed = claimed_fragments(
-            prescribed, dirichlet, surface=surface, verb="hold", how="at a temperature"
-        )
-        free = _within(surface, claimed < 0)
-        # But other surfaces receive radiation from there, which the balance needs.
-        exchange = {
-            n: term
-            for n, term in surface_terms.items()
-            if isinstance(term, AbstractExchangeTerm)
-        }
-        held = _within(surface, claimed >= 0)
-        radiating, _ = _bind_laws(exchange, held, irradiation)
-    natural, omitted_natural = _bind_laws(
-        {n: term for n, term in surface_terms.items() if not term.is_dirichlet},
-        free,
-        irradiation,
-    )
-    reached = {
-        (n, body)
-        for n, binding in radiating
-        for body, is_acting in enumerate(surface.apart(binding.acting))
-        if is_acting.any()
-    }
-    emission = [
-        (n, binding)
-        for n, binding in (*natural, *radiating)
-        if terms[n].name == "emission"
-    ]
-    if len(emission) > 1:
-        claimed_fragments(
-            emission,
-            surface_terms,
-            surface=surface,
-            verb="count the emission of",
-            how="",
-        )
-    return _BoundTerms(
-        surface=free,
-        natural=natural,
-        prescribed=prescribed,
-        radiating=radiating,
-        omitted=tuple(
-            (n, omission)
-            for n, omission in (*omitted, *omitted_natural)
-            if (n, omission.body) not in reached
-        ),
-        irradiation=tuple(
-            (term.absorbed_by, reaching)
-            for n, term in surface_terms.items()
-            if isinstance(term, AbstractRadiativeTerm)
-            for reaching in irradiation[n]
-        ),
-    )
-
-
-def _located(number: int, term: AbstractTerm) -> AbstractContextManager:
-    return located(f"terms[{number}], {term.name}")
-
-
-def _bind_irradiation(
-    terms: dict[int, AbstractSurfaceTerm], surface: Surface
-) -> dict[int, tuple[Irradiation, ...]]:
-    """Irradiation by each radiative term, by its number."""
-    # A camera sees what reaches the surface even where none of it is absorbed.
-    irradiation = {}
-    for n, term in terms.items():
-        if isinstance(term, AbstractRadiativeTerm):
-            with _located(n, term):
-                irradiation[n] = _irradiation(term, surface)
-    return irradiation
-
-
-def _bind_laws(
-    terms: Mapping[int, AbstractSurfaceTerm],
-    surface: Surface,
-    irradiation: dict[int, tuple[Irradiation, ...]],
-) -> tuple[_NumberedBindings, list[tuple[int, Omitted]]]:
-    """Bindings of terms to a surface, and omissions, with the numbers of the terms."""
-    bindings = []
-    omitted = []
-    for n, term in terms.items():
-        with _located(n, term):
-            reached = _reached(term, surface)
-            if isinstance(term, AbstractRadiativeTerm):
-                results = term.absorbed(reached, irradiation[n])
-            else:
-                results = term.bind(reached)
-            for result in results:
-                if isinstance(result, Omitted):
-                    omitted.append((n, result))
-                else:
-                    bindings.append((n, result))
-    return tuple(bindings), omitted
-
-
-def _within(surface: Surface, is_within: Bool[np.ndarray, " s"]) -> Surface:
-    """The surface with natural boundaries on a part of it alone."""
-    pairs = zip(surface.bodies, surface.apart(is_within), strict=True)
-    bodies = tuple(
-        replace(body, natural=body.natural & body_within) for body, body_within in pairs
-    )
-    return replace(surface, bodies=bodies)

@@ -6,7 +6,7 @@ depends on geometry and on where terms act, and is computed once for all runs.
 
 import abc
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -19,7 +19,9 @@ from typing_extensions import override
 
 from ...arrays import Time, consecutive, typed_array
 from ...network.network import AbstractNetwork, Address
+from ...physics.coarsening import Coarsening
 from ...physics.half_cells import Extremes, varying_half_cells
+from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
 from .surface_cells import BodyCells, OneBody
@@ -237,38 +239,72 @@ def _join(arrays: PerBody) -> Float[Array, " p"]:
     return arrays[0] if len(arrays) == 1 else jnp.concatenate(arrays)
 
 
-def surface_load(
-    terms: SurfaceTerms,
-    cells: Sequence[BodyCells | None],
-    cell: Int[np.ndarray, " s"],
-    references: Sequence[Any],
-    entries: tuple[tuple[int, ...], ...],
-    entry_count: int,
-) -> SurfaceLoad | None:
-    """The load of all groups of bodies; None where nothing acts.
+@dataclass(frozen=True, eq=False)
+class CellLayout:
+    """Surface cells of all groups of bodies, for the loads of several snapshots.
 
-    The terms are on the fragments of all bodies; `cells` are those of each group as
-    from `body_cells`, `cell` that of each fragment among all cells or -1, and
-    `entries` the ledger entry of each term on each body of the scene, or -1.
+    Groups on which nothing acts have no cells.
     """
-    loaded = [n for n, of_group in enumerate(cells) if of_group is not None]
-    used = tuple(of_group for of_group in cells if of_group is not None)
-    if not used:
-        return None
-    dtype = terms.half_cell.dtype
-    counts = [of_group.node.shape[0] for of_group in used]
-    cell_references = [
-        of_group.reference(references[n])
-        for n, of_group in zip(loaded, used, strict=True)
-    ]
-    sizes = tuple(size for of_group in used for size in of_group.sizes)
-    numbers = [number for of_group in used for number in of_group.numbers]
-    return SurfaceLoad(
-        terms=terms.coarsened(cell, sizes, spread(cell_references, counts, dtype)),
-        cells=used,
-        references=tuple(
-            typed_array(reference, dtype) for reference in cell_references
-        ),
-        entries=tuple(tuple(row[n] for n in numbers) for row in entries),
-        entry_count=entry_count,
-    )
+
+    cells: tuple[BodyCells, ...]
+    references: tuple[Float[Any, "*p"], ...]
+    """References of the cells of each of these groups [K]."""
+    entries: tuple[tuple[int, ...], ...]
+    """Ledger entry of each term on each body with cells, or -1."""
+    entry_count: int
+    """Length of the ledger."""
+    coarsening: Coarsening
+
+    @classmethod
+    def of_groups(
+        cls,
+        cells: Sequence[BodyCells | None],
+        cell: Int[np.ndarray, " s"],
+        references: Sequence[Any],
+        entries: tuple[tuple[int, ...], ...],
+        entry_count: int,
+        dtype: Any,
+    ) -> "CellLayout | None":
+        """The cells of each group as from `body_cells`; None where nothing acts.
+
+        `cell` is that of each fragment among all cells or -1, and `entries` the ledger
+        entry of each term on each body of the scene, or -1.
+        """
+        loaded = [n for n, of_group in enumerate(cells) if of_group is not None]
+        used = tuple(of_group for of_group in cells if of_group is not None)
+        if not used:
+            return None
+        cell_references = [
+            of_group.reference(references[n])
+            for n, of_group in zip(loaded, used, strict=True)
+        ]
+        counts = [of_group.node.shape[0] for of_group in used]
+        numbers = [number for of_group in used for number in of_group.numbers]
+        return cls(
+            cells=used,
+            references=tuple(
+                typed_array(reference, dtype) for reference in cell_references
+            ),
+            entries=tuple(tuple(row[n] for n in numbers) for row in entries),
+            entry_count=entry_count,
+            coarsening=Coarsening(
+                cell,
+                counts=tuple(size for of_group in used for size in of_group.sizes),
+                reference=spread(cell_references, counts, dtype),
+            ),
+        )
+
+    def load(self, terms: SurfaceTerms) -> SurfaceLoad:
+        """The load of terms on the fragments of all bodies."""
+        return SurfaceLoad(
+            terms=self.coarsening.terms(terms),
+            cells=self.cells,
+            references=self.references,
+            entries=self.entries,
+            entry_count=self.entry_count,
+        )
+
+    def enclosure(self, fine: Enclosure) -> Enclosure:
+        """Radiation between the cells, from that between fragments."""
+        counts = tuple(of_group.node.shape[0] for of_group in self.cells)
+        return fine.coarsened(self.coarsening.cell, counts)

@@ -40,7 +40,8 @@ def _terms(conductivity, pitch, dtype, sun=1000.0):
 
 
 def _steps(terms, hottest=400.0):
-    return terms.newton_iterations(Forcing(highest=hottest, lowest=0.0), 1.0)
+    within = Forcing(highest=hottest, lowest=0.0)
+    return terms.newton_iterations(lambda law: law.bounds(within, 1.0))
 
 
 @eqx.filter_jit
