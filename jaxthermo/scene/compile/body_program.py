@@ -116,6 +116,13 @@ class BodyProgram(Module):
             return of_members[0]
         return taken(of_members, self.members.of_node)
 
+    def at_fragments(self, values: Shaped[Array, " c"]) -> Shaped[Array, " s"]:
+        """Values of all bodies of the scene at each fragment."""
+        of_members = values[np.array(self.numbers)]
+        if self.members is None:
+            return jnp.broadcast_to(of_members, self.node.shape)
+        return taken(of_members, self.members.of_fragment)
+
     def stored(self, state: Float[Array, "..."]) -> Float[Array, " b"]:
         """Heat of each body above its reference [J]."""
         if self.members is None:
@@ -142,6 +149,12 @@ class BodyProgram(Module):
             member = taken(member, address)
         largest = jax.ops.segment_max(values, member, len(self.numbers))
         return jnp.maximum(largest, 0)
+
+    def largest_of_fragments(self, values: Float[Array, " s"]) -> Float[Array, " b"]:
+        """Largest value at the fragments of each body; -inf for one without any."""
+        if self.members is None:
+            return values.max(initial=-jnp.inf)[None]
+        return jax.ops.segment_max(values, self.members.of_fragment, len(self.numbers))
 
     def below(
         self, theta: Float[Array, "..."]

@@ -27,7 +27,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -249,23 +249,21 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
     return _ImposedHeat(
         rate=rate,
         rises=jnp.stack([jnp.zeros_like(rate), *by_load]),
-        excess=jnp.maximum(_largest_of_bodies(program, program.in_scene(excess)), 0),
+        excess=jnp.maximum(_largest_of_bodies(program, excess), 0),
     )
 
 
 def _largest_of_bodies(
-    program: Program, values: Float[Array, " s"]
+    program: Program, values: Sequence[Float[Array, " _"]]
 ) -> Float[Array, " b"]:
-    """Largest value among the fragments of each body."""
-    return jax.ops.segment_max(values, _body_of(program), program.body_count)
+    """Largest value at the fragments of each body, from those of each group."""
+    pairs = zip(program.bodies, values, strict=True)
+    return program.by_body([body.largest_of_fragments(group) for body, group in pairs])
 
 
-def _body_of(program: Program) -> Int[np.ndarray, " s"]:
-    """Number of the body of each fragment of a scene."""
-    sizes = np.zeros(program.body_count, int)
-    for body in program.bodies:
-        sizes[list(body.numbers)] = body.fragment_counts
-    return np.repeat(np.arange(len(sizes)), sizes)
+def _at_fragments(program: Program, values: Float[Array, " b"]) -> Float[Array, " s"]:
+    """Values of all bodies at each fragment of a scene."""
+    return program.in_scene([body.at_fragments(values) for body in program.bodies])
 
 
 def _sums(body: BodyProgram, values: Float[Array, " s"]) -> Float[Array, " m"]:
@@ -343,17 +341,20 @@ def _surface_bounds(
         )
     conductance = program.in_scene(conductances)
     excess = _over(flux, conductance)
-    largest = partial(_largest_of_bodies, program)
-    of_body = _body_of(program)
-    node = nodes[of_body]
+    node = _at_fragments(program, nodes)
     by_rise = jnp.minimum(node + excess, jnp.maximum(node, level(heat=flux)))
     over_surface = program.in_scene(beneath)
     from_node = jnp.where(over_surface > 0, conductance * over_surface, 0)
     lost = jnp.where(loses, flux + from_node, 0)
+    lost_at = level(heat=lost, received=_at_fragments(program, received))
+
+    def largest(values: Float[Array, " s"]) -> Float[Array, " b"]:
+        return _largest_of_bodies(program, program.by_group(values))
+
     return _SurfaceBounds(
         by_rise=largest(by_rise),
-        level=largest(level(heat=lost, received=received[of_body])),
-        beneath=largest(over_surface),
+        level=largest(lost_at),
+        beneath=_largest_of_bodies(program, beneath),
         excess=largest(jnp.where(loses, 0, excess)),
     )
 

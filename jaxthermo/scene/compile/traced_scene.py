@@ -8,12 +8,14 @@ term that is 0 is left out, and weights of 1 need no arrays.
 
 import dataclasses
 import hashlib
+import itertools
 from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple
 
 import jax
 import jax.core
 import numpy as np
+from jax.interpreters.partial_eval import dce_jaxpr_consts
 from jaxtyping import Array, Float
 
 from ...arrays import HOST, rows_of, rows_remembered
@@ -208,12 +210,15 @@ def _traced(
     # them twice and take long to compile.
     with rows_remembered():
         closed = jax.make_jaxpr(traced)(arguments)
-    jaxpr = closed.jaxpr
+    # Most numbers of bodies are used as one array: their rows need no operation.
+    jaxpr, used, _ = dce_jaxpr_consts(
+        closed.jaxpr, [True] * len(closed.jaxpr.outvars), instantiate=True
+    )
 
     def program(constants: list[Array], values: list[Any]) -> list[Any]:
         return jax.core.eval_jaxpr(jaxpr, constants, *values)
 
-    constants = jax.device_put(closed.consts)
+    constants = jax.device_put(list(itertools.compress(closed.consts, used)))
     whole = jax.jit(program, keep_unused=True)
     lowered = whole.lower(constants, arguments)
     # Scenes that differ in geometry alone, as by a sun that moved, share a program.

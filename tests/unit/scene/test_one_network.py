@@ -3,6 +3,7 @@
 import re
 
 import jax
+import jax.core
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -199,7 +200,16 @@ def test_implicit_steps_and_steady_states_are_those_of_bodies_apart(apart):
     )
 
 
-def test_the_compiled_programs_do_not_grow_with_the_bodies():
+def test_the_compiled_programs_do_not_grow_with_the_bodies(monkeypatch):
+    evaluate = jax.core.eval_jaxpr
+    of_scenes = []
+
+    def counted(jaxpr, *arguments):
+        of_scenes.append(len(jaxpr.eqns))
+        return evaluate(jaxpr, *arguments)
+
+    monkeypatch.setattr(jax.core, "eval_jaxpr", counted)
+
     def operations(count):
         # The number of Newton's iterations follows from the temperatures.
         bodies = unlike_bodies(count, gap=0.3, temperature=300.0)
@@ -209,6 +219,8 @@ def test_the_compiled_programs_do_not_grow_with_the_bodies():
         return len(re.findall(r" = ", text))
 
     assert operations(24) <= 1.05 * operations(12)
+    more_bodies, fewer_bodies = of_scenes
+    assert more_bodies <= 1.05 * fewer_bodies
 
 
 def contact_scene(count=6, dtype="float64", **options):
