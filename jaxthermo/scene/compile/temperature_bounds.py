@@ -3,15 +3,18 @@
 Nothing gets hotter than the start or what terms heat towards, except by imposed heat:
 fluxes Q_f into surface fragments f, and heat sources Q_i in nodes i. The hottest node
 receives no heat from other nodes, bodies or surfaces, so that no temperature exceeds
-either of
+any of
 
     T_0 + integral of max_i (Q_i + sum_f Q_f) / C_i dt,
     max_f T_f + max_i R_i,    q_f(T_f) = Q_f + G_f R_i,    R_i = Q_i / sum_f G_f,
+    max_f T_f + integral of max_i Q_i / C_i dt,    q_f(T_f) = Q_f,
 
 with T_0 [K] the largest of start and surroundings, the capacities C [J/K] and the half
 cells G [W/K]. The second bound holds at all times, where each heated node has surface
 that loses heat: T_f is the temperature above which fragment f loses at least its own
-flux q_f and its part of the heat of its node, see `equilibrium` of a law. Surfaces are
+flux q_f and its part of the heat of its node, see `equilibrium` of a law. The third is
+for bodies with heat sources deep inside, whose surfaces lose what reaches them: at its
+temperature, the same everywhere, none receives heat. Surfaces are
 hotter than their nodes by Q_f / G_f at most. Lower bounds follow likewise from the
 first, with the heat that is extracted.
 
@@ -134,12 +137,15 @@ def _largest_of_group(
 def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     largest = partial(_largest_of_group, groups=_groups(programs))
     heat = [_imposed_heat(program, end, 1.0) for program in programs]
-    nodes = around + largest(_rise(heat, end=end, duration=duration))
+    over = partial(_rise, end=end, duration=duration)
+    nodes = around + largest(over([one.of_all for one in heat]))
     bounds = partial(_surface_bounds, around=around, nodes=nodes, end=end)
     reached = [bounds(program, received=jnp.zeros_like(nodes)) for program in programs]
     by_rise = largest(jnp.stack([one.by_rise for one in reached]).max(axis=0))
     beneath = largest(jnp.stack([one.beneath for one in reached]).max(axis=0))
     by_loss = _by_loss(reached, beneath, largest)
+    level = largest(jnp.stack([one.level_of_flux for one in reached]).max(axis=0))
+    by_sources = level + largest(over([one.of_sources for one in heat]))
     if any(program.fine_enclosure is not None for program in programs):
         below = _GUESS * by_loss
         by_loss = jnp.full_like(by_loss, jnp.inf)
@@ -152,30 +158,39 @@ def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
             holds = corrected <= below
             by_loss = jnp.where(holds, corrected, by_loss)
             below = jnp.where(holds, corrected, below)
-    highest = jnp.minimum(by_rise, by_loss).max()
+    highest = jnp.minimum(jnp.minimum(by_rise, by_loss), by_sources).max()
     return jnp.where(jnp.isfinite(highest), highest, jnp.maximum(_HOTTEST, around))
 
 
 def _lowest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     heat = [_imposed_heat(program, end, -1.0) for program in programs]
     largest = partial(_largest_of_group, groups=_groups(programs))
-    fall = largest(_rise(heat, end=end, duration=duration))
+    rises = [one.of_all for one in heat]
+    fall = largest(_rise(rises, end=end, duration=duration))
     fall = fall + largest(jnp.stack([one.excess for one in heat]).max(axis=0))
     return jnp.maximum(around - fall.max(), 0)
 
 
-class _ImposedHeat(NamedTuple):
-    """Effect of the imposed heat of a program on each body."""
+class _Rises(NamedTuple):
+    """Rises of the nodes of each body by some loads, without losses."""
 
     rate: Float[Array, " b"]
     """Largest rise of a node, if every load has its largest value [K/s]."""
     rises: Float[Array, "k b"]
     """Largest rise of a node by each load in the whole run [K]."""
+
+
+class _ImposedHeat(NamedTuple):
+    """Effect of the imposed heat of a program on each body."""
+
+    of_all: _Rises
+    of_sources: _Rises
+    """Without fluxes into surfaces."""
     excess: Float[Array, " b"]
     """Largest excess of a surface over its node [K]; infinite on an insulator."""
 
 
-def _rise(heat: list[_ImposedHeat], end: float, duration: float) -> Float[Array, " b"]:
+def _rise(heat: list[_Rises], end: float, duration: float) -> Float[Array, " b"]:
     """Largest rise of any node of each body that imposed heat causes [K]."""
     rate = jnp.stack([one.rate for one in heat]).max(axis=0)
     rises = jnp.stack([one.rises for one in heat]).max(axis=0).sum(axis=0)
@@ -204,6 +219,7 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
             energies[number] = area * flux.integral
             total = total + area * flux.largest
     rates = []
+    source_rates = []
     rises: dict[int | str, dict[int, Float[Array, " _"]]] = {}
     excess = []
     energies = {n: program.by_group(energy) for n, energy in energies.items()}
@@ -219,8 +235,9 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
             rises.setdefault(number, {})[index] = rise
         rate = _sums(body, totals[index]) / capacity
         largest_rate = body.largest_of_nodes(rate, body.address)
+        largest_source_rate = jnp.zeros_like(largest_rate)
         if body.sources:
-            by_node = added(jnp.zeros_like(network.diagonal()), body.address, rate)
+            from_sources = jnp.zeros_like(network.diagonal())
             for source in body.sources:
                 density = _dose(source.heat_rate_density, end, total.dtype, sign)
                 per_density = source.rise / smallest
@@ -231,24 +248,32 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
                 )
                 by_body = rises.setdefault(name, {})
                 by_body[index] = jnp.maximum(by_body.get(index, 0), rise)
-                by_node = added(by_node, source.address, per_density * density.largest)
-            largest_rate = body.largest_of_nodes(by_node)
+                from_sources = added(
+                    from_sources, source.address, per_density * density.largest
+                )
+            largest_source_rate = body.largest_of_nodes(from_sources)
+            largest_rate = body.largest_of_nodes(
+                added(from_sources, body.address, rate)
+            )
         rates.append(largest_rate)
+        source_rates.append(largest_source_rate)
         conductance = half_cells[index] * network.min_relative_conductivity()
         excess.append(_over(totals[index], conductance))
-    by_load = [
-        program.by_body(
+    by_load = {
+        load: program.by_body(
             [
                 by_body.get(index, jnp.zeros_like(group_rate))
                 for index, group_rate in enumerate(rates)
             ]
         )
-        for by_body in rises.values()
-    ]
+        for load, by_body in rises.items()
+    }
+    by_source = [rise for load, rise in by_load.items() if isinstance(load, str)]
     rate = program.by_body(rates)
+    zero = jnp.zeros_like(rate)
     return _ImposedHeat(
-        rate=rate,
-        rises=jnp.stack([jnp.zeros_like(rate), *by_load]),
+        of_all=_Rises(rate, jnp.stack([zero, *by_load.values()])),
+        of_sources=_Rises(program.by_body(source_rates), jnp.stack([zero, *by_source])),
         excess=jnp.maximum(_largest_of_bodies(program, excess), 0),
     )
 
@@ -285,6 +310,8 @@ class _SurfaceBounds(NamedTuple):
     """Highest surface temperature above nodes of a highest temperature [K]."""
     level: Float[Array, " b"]
     """Surface temperature at which all imposed heat is lost [K]; infinite for none."""
+    level_of_flux: Float[Array, " b"]
+    """Surface temperature at which imposed fluxes are lost [K]; infinite for none."""
     beneath: Float[Array, " b"]
     """Largest excess of a heated node over that level [K]; infinite for none."""
     excess: Float[Array, " b"]
@@ -342,7 +369,8 @@ def _surface_bounds(
     conductance = program.in_scene(conductances)
     excess = _over(flux, conductance)
     node = _at_fragments(program, nodes)
-    by_rise = jnp.minimum(node + excess, jnp.maximum(node, level(heat=flux)))
+    level_of_flux = level(heat=flux)
+    by_rise = jnp.minimum(node + excess, jnp.maximum(node, level_of_flux))
     over_surface = program.in_scene(beneath)
     from_node = jnp.where(over_surface > 0, conductance * over_surface, 0)
     lost = jnp.where(loses, flux + from_node, 0)
@@ -354,6 +382,7 @@ def _surface_bounds(
     return _SurfaceBounds(
         by_rise=largest(by_rise),
         level=largest(lost_at),
+        level_of_flux=largest(level_of_flux),
         beneath=_largest_of_bodies(program, beneath),
         excess=largest(jnp.where(loses, 0, excess)),
     )

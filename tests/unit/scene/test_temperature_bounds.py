@@ -7,9 +7,11 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.time_varying import Dose, dose
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.voxels.selection import Everything, Region, Side
+from jaxthermo.voxels.voxelize import voxelize
 from tests.bodies import bar
 from tests.shallow import SHALLOW
 
@@ -120,6 +122,25 @@ def test_what_is_lost_bounds_a_steady_state():
         jt.steady(heated).surface_temperature.max()
     )
     assert float(jt.steady(heated).surface_temperature.max()) <= expected
+
+
+def test_a_source_deep_inside_adds_its_rise_to_what_surfaces_lose():
+    """The middle one of 27 voxels has no surface that could lose its heat."""
+    cube = voxelize(box((3 * PITCH,) * 3), PITCH)
+    body = jt.Body(jt.FullVolume(cube), STEEL, temperature=START)
+    half = PITCH / 2
+    middle = Region((-half,) * 3, (half,) * 3)
+    terms = (
+        jt.HeatFlux(800.0),
+        jt.Convection(20.0, START),
+        jt.HeatSource(3e4, within=middle),
+    )
+    scene = jt.Scene((body,), terms, dtype="float64")
+    _, highest = _bounds(scene, 3600.0)
+    level = START + 800.0 / 20.0
+    assert highest == pytest.approx(level + _rise(STEEL, 3e4, 3600.0), rel=1e-9)
+    _, reached = _range(scene, 3600.0)
+    assert level - 2.0 < reached <= highest
 
 
 @pytest.mark.slow
