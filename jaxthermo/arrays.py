@@ -128,7 +128,7 @@ def rows_remembered() -> Iterator[None]:
 
 def rows_of(array: Float[Array, "b ..."]) -> list[Float[Array, "..."]]:
     """Rows of an array, which `stacked` puts together without an operation."""
-    rows = list(array)
+    rows = list(jnp.unstack(array))
     known = _known_rows.get()
     if known is not None:
         for number, row in enumerate(rows):
@@ -226,8 +226,17 @@ def linear_map(
     BLAS divides such flat products among threads, which on a busy machine wait for each
     other.
     """
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    columns = [x * a + y * b + z * c for a, b, c in matrix.T]
+    # Coordinates in a row each, and one array for products: new memory for each of them
+    # takes longer than the arithmetic.
+    dtype = np.result_type(vectors, matrix)
+    x, y, z = np.ascontiguousarray(np.moveaxis(vectors, -1, 0), dtype)
+    term = np.empty_like(x)
+    columns = []
+    for a, b, c in matrix.T:
+        column = x * a
+        column += np.multiply(y, b, out=term)
+        column += np.multiply(z, c, out=term)
+        columns.append(column)
     return np.stack(columns, axis=-1)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from jaxthermo.arrays import (
     device_array,
+    linear_map,
     rows_of,
     rows_remembered,
     sorted_union,
@@ -89,3 +90,12 @@ def test_other_numbers_are_stacked():
     assert stacked([1.0, np.float64(2.0)], np.float32).tolist() == [1.0, 2.0]
     rows = rows_of(jnp.arange(2.0))
     assert stacked([rows[1], 3.0], np.float32).tolist() == [1.0, 3.0]
+
+
+def test_a_linear_map_is_the_product_by_a_matrix():
+    random = np.random.default_rng(0)
+    matrix = random.normal(size=(3, 2))
+    for shape in ((3,), (0, 3), (5, 3), (4, 5, 3)):
+        vectors = random.normal(size=shape)
+        np.testing.assert_allclose(linear_map(vectors, matrix), vectors @ matrix)
+    assert linear_map(vectors.astype(np.float32), matrix).dtype == np.float64

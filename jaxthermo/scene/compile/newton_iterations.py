@@ -22,6 +22,7 @@ from ...physics.flux_law import (
     bound,
 )
 from ...physics.surface_energy_balance import MAX_ITERATIONS, SurfaceTerms
+from .body_program import BodyProgram
 from .program import Program
 from .surface_load import SurfaceLoad
 
@@ -54,7 +55,7 @@ def _iterations(programs: Sequence[Program], within: Forcing, end: float) -> int
             for k, name in enumerate(snapshots[0].names)
             if any((name, (number,)) in entries for number in body.numbers)
         }
-        reference = np.asarray(body.fragment_reference)
+        reference = _references(body)
         bounds = once(partial(_bounds, cells, reference, within, end))
         for terms in snapshots:
             natural = [(k, term) for k, term in terms.natural if k in acting]

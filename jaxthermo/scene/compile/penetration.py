@@ -28,7 +28,7 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.optimize import brentq
 from scipy.special import erfcx
 
-from ...arrays import Time, consecutive, is_compiling, is_traced
+from ...arrays import Time, consecutive, device_array, is_compiling, is_traced
 from ...errors import InputError
 from ...network.network import inverse
 from ...physics.time_varying import just_before
@@ -120,12 +120,11 @@ def penetration_warnings(
     counts = [len(body.structure.grid.fragment_area) for body in scene.bodies]
     slices = consecutive(counts)
     half_cell = _half_cells(program)
-    references = [
-        float(np.mean(program.bodies[program.group_of(number)].reference))
-        for number in range(len(scene.bodies))
-    ]
+    references = np.empty(len(scene.bodies))
+    for group in program.bodies:
+        references[list(group.numbers)] = np.asarray(group.reference).mean()
     cells = [
-        _outer_cells(body, half_cell[fragments], reference)
+        _outer_cells(body, half_cell[fragments], float(reference))
         for body, fragments, reference in zip(
             scene.bodies, slices, references, strict=True
         )
@@ -326,7 +325,8 @@ def _initial_temperatures(compiled: Compiled) -> list[Float[Array, " _"]]:
     groups = compiled.program.bodies
     if all(not start.shape for start in compiled.start):
         dtype = compiled.program.fragment_terms.half_cell.dtype
-        return [jnp.zeros(group.node.shape, dtype) for group in groups]
+        # Moved, not made: that compiles a program for each shape.
+        return [device_array(np.zeros(group.node.shape, dtype)) for group in groups]
     pairs = zip(groups, compiled.state, strict=True)
     return [group.below(group.network.temperature(state))[1] for group, state in pairs]
 

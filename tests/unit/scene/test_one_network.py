@@ -25,6 +25,7 @@ TERMS = (
     jt.Surroundings(285.0),
 )
 EULER = jt.ForwardEuler(dt=2.0)
+STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
 
 
 def unlike_bodies(count, gap=0.2, temperature=None):
@@ -221,6 +222,19 @@ def test_the_compiled_programs_do_not_grow_with_the_bodies(monkeypatch):
     assert operations(24) <= 1.05 * operations(12)
     more_bodies, fewer_bodies = of_scenes
     assert more_bodies <= 1.05 * fewer_bodies
+
+
+def test_alike_bodies_of_thousands_of_voxels_are_one_network():
+    def alike(edge):
+        structure = jt.FullVolume(jt.voxelize(jt.shapes.box((edge,) * 3), pitch=0.01))
+        bodies = [
+            jt.Body(structure, STEEL, temperature=300.0, pose=jt.Pose((n, 0, 0)))
+            for n in range(4)
+        ]
+        return jt.Scene(tuple(bodies), TERMS)
+
+    assert groups.grouped_numbers(alike(0.2)) == [[0, 1, 2, 3]]
+    assert groups.grouped_numbers(alike(0.26)) == [[0], [1], [2], [3]]
 
 
 def contact_scene(count=6, dtype="float64", **options):
