@@ -48,6 +48,12 @@ class SceneView:
         self._clouds = []
         scene = server.scene
         scene.set_up_direction("+z")
+        # Points show their colours as they are: light is for arrows and probes alone.
+        # An environment that lights them, and its shadows, keep a browser without a
+        # graphics processor busy for long.
+        scene.configure_environment_map(None)
+        scene.configure_default_lights(cast_shadow=False)
+        scene.add_light_ambient("/light", intensity=2.0)
         world = self._world(run)
         corners = np.stack([world.min(axis=0), world.max(axis=0)])
         self._centre = corners.mean(axis=0)

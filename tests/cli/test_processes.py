@@ -63,7 +63,6 @@ def surface(out: Path) -> np.ndarray:
         return stored["surface_temperature"]
 
 
-@pytest.mark.slice
 def test_two_processes_write_the_results_of_one(tmp_path):
     scene = scene_file(tmp_path, 0.03)
     together = tmp_path / "together"

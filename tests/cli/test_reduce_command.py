@@ -61,7 +61,6 @@ def test_no_run_and_no_config_is_written_over(tmp_path, finished):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_check_gives_the_error_and_the_times_of_both(tmp_path, out):
     scene = scene_file(tmp_path, LINEAR)
     said = succeed(

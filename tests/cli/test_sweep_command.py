@@ -80,7 +80,6 @@ def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_sweep_that_was_killed_goes_on_with_the_same_rows(alone, tmp_path, out):
     config = sweep_file(tmp_path)
     process = start(COMMAND, "sweep", config, "--out", out, *SERIAL)

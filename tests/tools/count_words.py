@@ -19,7 +19,7 @@ import ast
 import io
 import sys
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -102,14 +102,15 @@ def is_parallel(node: ast.AST) -> bool:
 def splats(function: ast.AST) -> Iterator[ast.Starred]:
     """Yield the arguments `*values` whose values the function itself gathered."""
     gathered = set()
-    for node in ast.walk(function):
+    nodes = list(ast.walk(function))
+    for node in nodes:
         match node:
             case ast.Assign(
                 targets=[ast.Name(id=name)],
                 value=ast.Tuple(elts=[_, *_]) | ast.List(elts=[_, *_]),
             ):
                 gathered.add(name)
-    for node in ast.walk(function):
+    for node in nodes:
         if not isinstance(node, ast.Call):
             continue
         for argument in node.args:
@@ -126,13 +127,19 @@ def is_named_lambda(node: ast.AST) -> bool:
 
 def is_untyped_record(node: ast.AST) -> bool:
     """Return True for `dict[str, Any]`, in an annotation or as an alias of it."""
-    return isinstance(node, ast.Subscript) and ast.unparse(node) == "dict[str, Any]"
+    match node:
+        case ast.Subscript(
+            value=ast.Name(id="dict"),
+            slice=ast.Tuple(elts=[ast.Name(id="str"), ast.Name(id="Any")]),
+        ):
+            return True
+    return False
 
 
-def docstring_lines(tree: ast.Module) -> set[int]:
+def docstring_lines(nodes: Iterable[ast.AST]) -> set[int]:
     """Return the lines of all strings that stand alone as a statement."""
     lines: set[int] = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         match node:
             case ast.Expr(value=ast.Constant(value=str())):
                 lines.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
@@ -141,14 +148,13 @@ def docstring_lines(tree: ast.Module) -> set[int]:
 
 def count_source(source: str) -> Words:
     """Count one file."""
-    tree = ast.parse(source)
-    documented = docstring_lines(tree)
+    nodes = list(ast.walk(ast.parse(source)))
+    documented = docstring_lines(nodes)
     tokens = [
         token
         for token in tokenize.generate_tokens(io.StringIO(source).readline)
         if token.type not in _LAYOUT and token.start[0] not in documented
     ]
-    nodes = list(ast.walk(tree))
     names = [name for node in nodes for name in bound_names(node)]
     functions = [node for node in nodes if isinstance(node, _FUNCTIONS)]
     return Words(

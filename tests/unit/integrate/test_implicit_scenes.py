@@ -62,7 +62,6 @@ def _scene(name):
     "name",
     [
         "varying properties",
-        # In test_steady's slice.
         "contact",
         pytest.param("exchange", marks=pytest.mark.slice),
         "links",

@@ -194,19 +194,8 @@ SCENES = {
 }
 
 
-# Bodies that act on each other; steps to where exchange and varying properties lead
-# are those of explicit steps in test_implicit_scenes.
-IN_SLICE = ("contact",)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slice] * (name in IN_SLICE))
-        for name in SCENES
-    ],
-)
+@pytest.mark.parametrize("name", SCENES)
 def test_it_is_where_a_long_run_ends(name):
     bodies, terms = SCENES[name]
     scene = jt.Scene(bodies, terms, dtype="float64")
