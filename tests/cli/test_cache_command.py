@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from jaxthermo.__main__ import main
 from jaxthermo.memo.store import program_folder, result_path
@@ -13,14 +14,6 @@ from jaxthermo.memo.store import program_folder, result_path
 
 ROOT = Path(__file__).resolve().parents[2]
 KEY = "0123456789abcdef0123456789abcdef01234567"
-SCENE = """
-bodies:
-  - shape: {kind: sphere, radius: 1 cm}
-    pitch: 5 mm
-    material: gold
-    temperature: 300
-time: {end: 1, save_at: [1]}
-"""
 
 
 @pytest.fixture
@@ -136,16 +129,16 @@ def test_a_cache_of_the_last_release_is_shown_and_cleared(command, folder):
     assert len(rows(command()[1])) == 4
 
 
-def test_a_run_says_once_that_the_cache_is_of_the_last_release(tmp_path):
+def test_a_command_says_once_that_the_cache_is_of_the_last_release(tmp_path):
     """In one line, and neither reads nor removes it."""
     cache = tmp_path / "cache"
     paths = old_release(cache)
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(SCENE)
+    mesh = tmp_path / "box.ply"
+    trimesh.creation.box().export(mesh)
+    words = ["-m", "jaxthermo", "voxelize", mesh, "--unit", "m", "--pitch", "20 cm"]
     environment = os.environ | {"JAXTHERMO_CACHE": str(cache), "COLUMNS": "80"}
     errors = []
-    for run in ("first", "second"):
-        words = ["-m", "jaxthermo", "simulate", scene, "--out", tmp_path / run]
+    for _ in range(2):
         done = subprocess.run(
             [sys.executable, *map(str, words)],
             capture_output=True,
