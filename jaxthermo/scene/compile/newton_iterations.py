@@ -75,6 +75,14 @@ def _iterations(programs: Sequence[Program], within: Forcing, end: float) -> int
     return max(iterations, default=MAX_ITERATIONS)
 
 
+def _references(body: BodyProgram) -> Float[np.ndarray, "*s"]:
+    """Reference of each fragment [K]; one number where all are equal."""
+    reference = np.asarray(body.reference)
+    if body.members is None or not reference.ndim:
+        return reference
+    return reference[np.asarray(body.members.of_fragment)]
+
+
 def _bounds(
     cells: slice | Int[np.ndarray, " _"],
     reference: Float[np.ndarray, "*_"],
