@@ -92,10 +92,12 @@ def test_other_numbers_are_stacked():
     assert stacked([rows[1], 3.0], np.float32).tolist() == [1.0, 3.0]
 
 
-def test_a_linear_map_is_the_product_by_a_matrix():
-    random = np.random.default_rng(0)
+@pytest.mark.parametrize("shape", [(3,), (7, 3), (5, 4, 3), (0, 3)])
+def test_a_linear_map_is_the_product_by_a_matrix(shape):
+    random = np.random.default_rng(1)
+    vectors = random.normal(size=shape)
     matrix = random.normal(size=(3, 2))
-    for shape in ((3,), (0, 3), (5, 3), (4, 5, 3)):
-        vectors = random.normal(size=shape)
-        np.testing.assert_allclose(linear_map(vectors, matrix), vectors @ matrix)
+    product = linear_map(vectors, matrix)
+    np.testing.assert_allclose(product, vectors @ matrix, rtol=1e-12, atol=1e-14)
+    np.testing.assert_array_equal(linear_map(vectors, np.eye(3)), vectors)
     assert linear_map(vectors.astype(np.float32), matrix).dtype == np.float64

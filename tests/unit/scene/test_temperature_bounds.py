@@ -126,10 +126,11 @@ def test_what_is_lost_bounds_a_steady_state():
 
 def test_a_source_deep_inside_adds_its_rise_to_what_surfaces_lose():
     """The middle one of 27 voxels has no surface that could lose its heat."""
-    cube = voxelize(box((3 * PITCH,) * 3), PITCH)
+    edge = 3 * PITCH
+    cube = voxelize(box((edge, edge, edge)), PITCH)
     body = jt.Body(jt.FullVolume(cube), STEEL, temperature=START)
     half = PITCH / 2
-    middle = Region((-half,) * 3, (half,) * 3)
+    middle = Region((-half, -half, -half), (half, half, half))
     terms = (
         jt.HeatFlux(800.0),
         jt.Convection(20.0, START),

@@ -7,7 +7,6 @@ import pytest
 from scipy.sparse import csr_array
 
 import jaxthermo as jt
-from jaxthermo.arrays import linear_map
 from jaxthermo.image.surface import weights as module
 from jaxthermo.image.surface.shapes import ShapePoints, Shapes
 from jaxthermo.image.surface.weights import (
@@ -141,14 +140,3 @@ def test_without_a_table_of_cells_they_are_the_same(monkeypatch):
     by_search = _FragmentCells(shapes, 2.0).means(points)
     assert by_table.nnz > 0 and abs(by_table - by_search).max() == 0
     assert (np.diff(by_table.indptr)[500:] == 0).all()
-
-
-@pytest.mark.parametrize("shape", [(3,), (7, 3), (5, 4, 3), (0, 3)])
-def test_a_linear_map_is_the_product(shape):
-    numbers = np.random.default_rng(1)
-    vectors = numbers.normal(size=shape)
-    matrix = numbers.normal(size=(3, 3))
-    np.testing.assert_allclose(
-        linear_map(vectors, matrix), vectors @ matrix, rtol=1e-12, atol=1e-14
-    )
-    np.testing.assert_array_equal(linear_map(vectors, np.eye(3)), vectors)
