@@ -123,7 +123,6 @@ def test_runs_are_compared_point_by_point(finished, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_runs_of_other_voxels_are_compared_on_the_mesh(finished, tmp_path):
     coarse = simulated(tmp_path, "bodies.0.voxels_high=8")
     code, out, _ = command("compare", finished, coarse, "--json")

@@ -241,7 +241,6 @@ def test_capacity_that_is_missing_or_too_much_is_told(ratio, share):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_two_bodies_one_of_two_materials_in_float64(tmp_path):
     text = SCENE.replace("terms:", SECOND_BODY.strip("\n") + "\nterms:", 1)
     out = simulate(tmp_path, "dtype=float64", "time.save_at=[20]", text=text)

@@ -52,14 +52,9 @@ LIGHTS = (
 )
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        # By default a block in exchange leaves what the closed form says.
-        pytest.param("exchange", marks=[pytest.mark.slow, pytest.mark.slice]),
-        pytest.param("surroundings", marks=pytest.mark.slow),
-    ],
-)
+# By default a block in exchange leaves what the closed form says.
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["exchange", "surroundings"])
 def test_power_that_leaves_the_surface_is_that_of_the_ledger(name):
     """Leaving minus arriving radiation of each body is minus the heat of its terms."""
     bodies = (

@@ -67,7 +67,7 @@ def test_every_structure_absorbs_the_same(grid):
         assert convection == pytest.approx(lost, rel=0.2), name
 
 
-@pytest.mark.parametrize("structure_name", _in_slice(KEEPING, "octree", "core"))
+@pytest.mark.parametrize("structure_name", _in_slice(KEEPING, "core"))
 def test_a_hot_spot_evens_out_to_the_same_mean(grid, structure_name):
     """C11: the mean of an insulated body is what its heat and capacity make it."""
     structure = KEEPING[structure_name](grid)
@@ -139,7 +139,7 @@ def _slab_errors(make, cells):
     )
 
 
-@pytest.mark.parametrize("structure_name", _in_slice(COARSE, "octree"))
+@pytest.mark.parametrize("structure_name", COARSE)
 def test_slab_at_the_order_of_the_structure(structure_name):
     """An aggregate of whole blocks is of second order. So is the octree's mean.
 

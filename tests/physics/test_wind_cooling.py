@@ -115,7 +115,6 @@ def test_gradients_by_the_speed_go_through_a_run(grid):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_one_in_the_wake_of_another_cools_less_and_the_ledger_closes():
     """Two cylinders in one mesh, in gusts."""
     upstream = jt.shapes.cylinder(DIAMETER / 2, HEIGHT)

@@ -6,16 +6,13 @@ from experiments.harness.case import PASS, check
 from tests.cases import CASES
 
 
-LONG = [pytest.mark.slow, pytest.mark.slice]
-
-
 @pytest.mark.parametrize(
     "id_",
     [
         "V18",
-        pytest.param("A9 1fc", marks=LONG),
-        pytest.param("V13", marks=LONG),
-        pytest.param("V20a", marks=LONG),
+        pytest.param("A9 1fc", marks=[pytest.mark.slow, pytest.mark.slice]),
+        pytest.param("V13", marks=pytest.mark.slow),
+        pytest.param("V20a", marks=pytest.mark.slow),
         pytest.param("A9 1fa", marks=pytest.mark.slow),
         # In the slice of test_verification_report.
         pytest.param("V25, sol-air", marks=pytest.mark.slow),

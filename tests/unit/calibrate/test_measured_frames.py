@@ -76,8 +76,7 @@ def test_all_files_of_the_control_are_the_same_data(control, folder, tolerance):
 @pytest.mark.parametrize(
     "folder",
     [
-        # The data of the others are the same, by the test above.
-        pytest.param("00-works-celsius-tiff", marks=pytest.mark.slice),
+        "00-works-celsius-tiff",
         "01-exr-unit-celsius",
         "03-cold-pixel-masked-out",
         "04-jpg-behind-window",

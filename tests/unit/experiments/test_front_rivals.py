@@ -68,7 +68,6 @@ def test_rkl2_steps_are_those_of_super_time_stepping(ball):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_conjugate_gradients_are_those_of_trbdf2(ball):
     ball_scene, body = ball
     # Its linear systems are solved to a residual, not to rounding.

@@ -85,7 +85,6 @@ def test_the_drag_of_a_body_is_the_force_on_the_fluid_in_a_steady_flow():
 # By default the drag of a square is the force on the fluid, of a cylinder the one of
 # Schaefer and Turek.
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_cylinder_feels_the_same_force_wherever_cells_lie():
     """The interpolated surface; a mask of cells differs by its steps."""
     drags = []
@@ -103,7 +102,7 @@ def test_a_cylinder_feels_the_same_force_wherever_cells_lie():
 
 @pytest.mark.parametrize(
     "round_body",
-    [pytest.param(False, marks=[pytest.mark.slow, pytest.mark.slice]), True],
+    [pytest.param(False, marks=pytest.mark.slow), True],
 )
 def test_the_heat_of_a_body_is_what_the_fluid_gains(round_body):
     shape = (14, 16)
