@@ -6,7 +6,8 @@ finding, as long as the objects that it belongs to exist.
 
 A finding is identified by these objects, and by the values of everything else that it
 depends on. It is dropped with the first of its objects, and the least recently used
-ones are dropped when all findings exceed `MAX_BYTES`. Stored arrays are read-only.
+ones are dropped when all findings may exceed `MAX_BYTES`, until an eighth of it is
+free. Stored arrays are read-only.
 """
 
 import contextlib
@@ -26,6 +27,9 @@ from .once import once
 
 MAX_BYTES = 512 * 1024**2
 """Size of all findings together [bytes]."""
+
+_FULL = 7 / 8
+"""Share of the limit that findings take after the least recently used are dropped."""
 
 _MIN_HASHED = 2**14
 """Size from which the hash of an array that cannot change is kept [bytes]."""
@@ -102,11 +106,20 @@ def _store(key: Hashable, of: tuple[object, ...], value: Any) -> None:
     drop = partial(_entries.pop, key)
     _entries[key] = _Entry(value, size, tuple(weakref.ref(part, drop) for part in of))
     _bytes_at_most += size
-    # Added up only where the limit may be reached: findings are many.
-    while _bytes_at_most > MAX_BYTES:
-        _bytes_at_most = findings_size()[1]
-        if _bytes_at_most > MAX_BYTES:
-            _entries.pop(next(iter(_entries), None), None)
+    if _bytes_at_most > MAX_BYTES:
+        _make_room()
+
+
+def _make_room() -> None:
+    """Drop the least recently used findings."""
+    global _bytes_at_most
+    # Findings are many: room for many more, so that they are rarely added up.
+    _, _bytes_at_most = findings_size()
+    for key, entry in _entries.copy().items():
+        if _bytes_at_most <= _FULL * MAX_BYTES:
+            break
+        _entries.pop(key, None)
+        _bytes_at_most -= entry.size
 
 
 @contextlib.contextmanager

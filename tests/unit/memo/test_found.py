@@ -64,7 +64,7 @@ def test_another_object_at_the_same_address_is_another_object():
 
 
 def test_least_recently_used_findings_are_dropped(monkeypatch):
-    monkeypatch.setattr(findings, "MAX_BYTES", 3000)
+    monkeypatch.setattr(findings, "MAX_BYTES", 3900)
     owner = _Owner()
     calls = []
 
@@ -80,7 +80,7 @@ def test_least_recently_used_findings_are_dropped(monkeypatch):
     found((owner,), "c", lambda: find("c"))
     assert calls[-1] == "c"
     found((owner,), "large", lambda: np.zeros(1000))
-    assert findings_size()[1] <= 3000
+    assert findings_size()[1] <= 3900
 
 
 def test_findings_are_added_up_only_near_their_limit(monkeypatch):
@@ -98,10 +98,11 @@ def test_findings_are_added_up_only_near_their_limit(monkeypatch):
     for number in range(9):
         found((owner,), number, lambda: np.zeros(125))
     assert not counts
-    for number in range(9, 12):
+    for number in range(9, 200):
         found((owner,), number, lambda: np.zeros(125))
-    assert counts
-    assert findings_size() == (10, 10_000)
+        assert findings_size()[1] <= 10_000
+    # Each time there is room for three more.
+    assert len(counts) == 64
 
 
 def test_kept_arrays_cannot_be_written_to():
