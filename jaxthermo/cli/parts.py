@@ -17,6 +17,7 @@ from ..geometry.load import file_scale
 from ..geometry.mesh import Mesh
 from ..geometry.parts import separate_parts
 from ..geometry.wall_thickness import wall_thickness
+from ..memo.once import once
 from ..report.numbers import count
 from ..report.table import Table
 from .scene_start import scene_start
@@ -109,15 +110,13 @@ def _all_sizes(
     meshes: dict[str, Mesh], placed: dict[str, PlacedPart]
 ) -> list[_PartSizes]:
     instances = Counter(id(part.mesh) for part in placed.values())
-    thickness: dict[int, float | None] = {}
+    thickness = once(wall_thickness)
     sizes = []
     for name, mesh in meshes.items():
         # Sorts all edges, as does asking the mesh whether it is watertight.
         open_edges = mesh.open_edges
         is_closed = open_edges == 0
         first = placed[name].mesh
-        if id(first) not in thickness:
-            thickness[id(first)] = wall_thickness(first) if is_closed else None
         sizes.append(
             _PartSizes(
                 name=name,
@@ -128,7 +127,7 @@ def _all_sizes(
                 size=np.ptp(mesh.bounds, axis=0).tolist(),
                 closed=is_closed,
                 open_edges=open_edges,
-                thickness=thickness[id(first)],
+                thickness=thickness(first) if is_closed else None,
             )
         )
     return sizes
