@@ -42,8 +42,8 @@ _FRAGMENTS = 2**17
 
 # Cells in a row for one radius: the flatter, the fewer fragments that are too far away.
 _FLAT = 4
-# Largest number of cells for a table.
-_MAX_CELLS = 2**22
+# Largest number of cells of all shapes for a table.
+_MAX_CELLS = 2**23
 
 
 class Neighbours(NamedTuple):
