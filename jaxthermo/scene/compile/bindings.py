@@ -19,7 +19,7 @@ from ...physics.radiation.irradiation import AbstractRadiativeTerm, Irradiation
 from ...physics.surface import Binding, Omitted, Surface
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm, AbstractTerm
 from ...voxels.selection import AbstractSelection
-from .claims import claimed_fragments
+from .claims import check_claims
 
 
 NumberedBindings = tuple[tuple[int, Binding], ...]
@@ -72,7 +72,7 @@ def bind_terms(
     radiating: NumberedBindings = ()
     if prescribed:
         # Other terms have no effect where a temperature is prescribed.
-        claimed_fragments(
+        check_claims(
             prescribed, dirichlet, surface=surface, verb="hold", how="at a temperature"
         )
         free, held = steps.divided(surface, *(binding for _, binding in prescribed))
@@ -98,7 +98,7 @@ def bind_terms(
         if terms[n].name == "emission"
     ]
     if len(emission) > 1:
-        claimed_fragments(
+        check_claims(
             emission,
             surface_terms,
             surface=surface,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ...errors import InputError
 from ...physics.surface import Binding, Surface, overlap
@@ -21,15 +21,15 @@ def acting_fraction(
     return np.concatenate(fractions) * is_acting
 
 
-def claimed_fragments(
+def check_claims(
     bindings: Sequence[tuple[int, Binding]],
     terms: Mapping[int, AbstractSurfaceTerm],
     *,
     surface: Surface,
     verb: str,
     how: str,
-) -> Int[np.ndarray, " s"]:
-    """Number of the last term that each fragment belongs to, or -1.
+) -> None:
+    """Check that each piece of a fragment belongs to one term at most.
 
     Raises:
         InputError: with these words, if two terms claim one piece of a fragment.
@@ -50,4 +50,3 @@ def claimed_fragments(
             )
         claimed[is_acting] = number
         total += fraction
-    return claimed
