@@ -82,7 +82,7 @@ def test_finishes(printed):
         assert row.surface in text
         if row.absorptivity is not None:
             assert f" {row.absorptivity:g} " in text
-    assert len(emissivity_rows()) == 43
+    assert len(emissivity_rows()) == 49
     assert "long-wave infrared" in text
     some = "\n".join(printed("alu", "--emissivity"))
     assert "aluminium foil" in some and "brick" not in some
