@@ -8,7 +8,7 @@ RUN = .venv/bin
 .PHONY: help env demo test slow check bench docs pictures schemas cards wakes wheel clean
 
 help:
-	@echo "make env    the environment, in .venv"
+	@echo "make env    the environment, in .venv; EXTRAS=view,weather adds extras"
 	@echo "make demo   thermal frames of the built-in figurine, in results/demo"
 	@echo "make test   the test suite        make slow   the long tests"
 	@echo "make check  lint and types        make bench  the benchmarks"
@@ -36,7 +36,11 @@ help:
 .venv/.docs: uv.lock pyproject.toml $(filter .uv/%,$(UV))
 	@$(SYNC) --extra docs && touch $@ .venv/.core
 
+# EXTRAS=view,weather adds extras; those that are there stay.
+EXTRAS =
+comma = ,
 env: .venv/.core
+	@test -z '$(EXTRAS)' || $(SYNC) $(foreach extra,$(subst $(comma), ,$(EXTRAS)),--extra $(extra))
 
 demo: .venv/.core
 	$(RUN)/jaxthermo simulate configs/scenes/figurine.yaml --out results/demo

@@ -16,6 +16,7 @@ import jax
 
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
+from jaxthermo.extras import missing_package
 from jaxthermo.provenance import processor, provenance
 
 from .harness.measurement import Finished, Measurement, table, write
@@ -243,8 +244,8 @@ def run(
     try:
         module = importlib.import_module(f"experiments.{experiment.module}")
     except ModuleNotFoundError as error:
-        raise InputError(
-            f"{experiment.name} needs {error.name}: install jaxthermo[test]"
+        raise missing_package(
+            f"{experiment.name} needs", package=str(error.name), extra="test"
         ) from error
     # Before the measurement, which may take hours.
     try:

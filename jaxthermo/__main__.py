@@ -6,7 +6,6 @@ from .console import interrupt as _interrupt  # noqa: F401
 # isort: split
 import sys
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,6 +14,7 @@ from cyclopts import App, Parameter
 from . import __version__
 from .console.entry import Animate, Flag, Overrides, compiles, make_app, run_app
 from .errors import InputError
+from .extras import require_extra
 
 
 app: App = make_app(
@@ -106,7 +106,7 @@ def _view(
         port: Port to listen on, or the next free one.
         rate: Simulated seconds per second at the start.
     """
-    _with_extra("view", "viser")
+    require_extra("view: it needs", package="viser", extra="view")
     from .cli.view import view as run
 
     run(config, overrides=overrides, host=host, port=port, rate=rate)
@@ -130,7 +130,7 @@ def _play(
         port: Port to listen on, or the next free one.
         rate: Seconds of the run per second at the start.
     """
-    _with_extra("play", "viser")
+    require_extra("play: it needs", package="viser", extra="view")
     from .cli.view import play
 
     play(run, host=host, port=port, rate=rate)
@@ -411,15 +411,6 @@ def _schema(name: str = "scene", /) -> None:
     if name not in models:
         raise InputError(f"schema {name}: choose {' or '.join(models)}")
     sys.stdout.write(json_schema(models[name]))
-
-
-def _with_extra(command: str, package: str) -> None:
-    """Refuse a command whose package of an extra is not installed."""
-    if find_spec(package) is None:
-        raise InputError(
-            f"{command}: needs {package}, of the extra `view`: "
-            "pip install 'jaxthermo[view]'"
-        )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

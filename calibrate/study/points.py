@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 from jaxthermo.errors import InputError
+from jaxthermo.extras import missing_package
 
 from ..config.loader import changed_config
 from ..config.schema import Changes
@@ -160,9 +161,11 @@ class Study:
         try:
             optuna = importlib.import_module("optuna")
         except ModuleNotFoundError as error:
-            raise InputError(
-                "sampling: a study needs optuna: install jaxthermo[search], or use "
-                "another kind"
+            raise missing_package(
+                "sampling: a study needs",
+                package="optuna",
+                extra="search",
+                otherwise="use another kind",
             ) from error
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._axes = config.axes

@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from jaxthermo.errors import InputError
+from jaxthermo.extras import missing_package
 from jaxthermo.host_memory import available_bytes
 
 from ..problem.reference import program_hash
@@ -71,9 +72,11 @@ def open_pool(workers: int, scheduler: str | None, devices: int = 1) -> Iterator
         library = importlib.import_module(_LIBRARY)
         settings = importlib.import_module("dask").config
     except ModuleNotFoundError as error:
-        raise InputError(
-            f"--workers and --scheduler need {error.name}: install jaxthermo[sweep], "
-            "or give --workers 1"
+        raise missing_package(
+            "--workers and --scheduler need",
+            package=str(error.name),
+            extra="sweep",
+            otherwise="give --workers 1",
         ) from error
     # Its own messages about lost connections are many lines long.
     for name in [n for n in logging.root.manager.loggerDict if n.startswith(_LIBRARY)]:

@@ -22,6 +22,7 @@ from calibrate.study.front import Point, errors_of
 from calibrate.study.rows import Row, append_rows, read_rows
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
+from jaxthermo.extras import missing_package
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.provenance import processor
 from jaxthermo.timing import timed_call
@@ -123,8 +124,8 @@ class Rivals:
         try:
             self._numba = importlib.import_module("experiments.front.numba_loops")
         except ModuleNotFoundError as error:
-            raise InputError(
-                f"rivals need {error.name}: install jaxthermo[test]"
+            raise missing_package(
+                "rivals need", package=str(error.name), extra="test"
             ) from error
 
     @property

@@ -1,6 +1,5 @@
 """Union and difference of closed meshes, by the manifold library (an extra)."""
 
-import importlib.util
 from collections.abc import Callable
 from typing import Any
 
@@ -8,6 +7,7 @@ import lazy_loader
 import numpy as np
 
 from ..errors import InputError
+from ..extras import require_extra
 from .mesh import Mesh
 
 
@@ -42,11 +42,7 @@ def difference(mesh: Mesh, *removed: Mesh) -> Mesh:
 
 
 def _combined(name: str, combine: Callable[..., Any], meshes: tuple[Mesh, ...]) -> Mesh:
-    if importlib.util.find_spec("manifold3d") is None:
-        raise InputError(
-            f"shapes.{name} needs the package manifold3d: install it, as with "
-            "`pip install 'jaxthermo[boolean]'`"
-        )
+    require_extra(f"shapes.{name} needs", package="manifold3d", extra="boolean")
     if len(meshes) < 2:
         raise InputError(f"shapes.{name}: give two meshes or more, not {len(meshes)}")
     for number, mesh in enumerate(meshes):

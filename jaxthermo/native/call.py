@@ -5,7 +5,6 @@ copies nothing. Each loop has a reference in arrays.
 """
 
 import importlib
-import importlib.util
 from functools import cache
 from typing import Any
 
@@ -14,6 +13,7 @@ import jaxlib.version
 import numpy as np
 
 from ..errors import InputError
+from ..extras import require_extra
 
 
 def called(loop: str, results: Any, *arguments: Any, in_place: int = 0) -> Any:
@@ -52,10 +52,7 @@ def require_native(feature: str) -> None:
         InputError: without the package numba, where JAX computes on another device than
             a CPU, or if its version of XLA cannot call.
     """
-    if importlib.util.find_spec("numba") is None:
-        raise InputError(
-            f'{feature} needs the package numba: run pip install "jaxthermo[native]"'
-        )
+    require_extra(f"{feature} needs", package="numba", extra="native")
     if jax.default_backend() != "cpu":
         raise InputError(
             f"{feature} runs on a CPU, and JAX computes on a {jax.default_backend()}: "

@@ -1,6 +1,5 @@
 """Position of the sun at a place and time, computed by pvlib (an extra)."""
 
-import importlib.util
 import math
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -11,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
+from ..extras import require_extra
 from ..physics.radiation.source_motion import DirectionTable
 
 
@@ -76,11 +76,7 @@ def require_pvlib(purpose: str) -> None:
     Raises:
         InputError: if it is not, with the purpose and the remedy.
     """
-    if importlib.util.find_spec("pvlib") is None:
-        raise InputError(
-            f"{purpose} needs the package pvlib: install it, as with "
-            "`pip install 'jaxthermo[weather]'`"
-        )
+    require_extra(f"{purpose} needs", package="pvlib", extra="weather")
 
 
 class _SunPosition(NamedTuple):

@@ -211,7 +211,7 @@ def test_options_of_animations_are_checked_before_any_work(
 
     monkeypatch.setattr(importlib.util, "find_spec", missing)
     err = refused("simulate", scene, "--out", out, "--animate", "mp4")
-    assert 'pip install "jaxthermo[video]"' in err
+    assert "pip install '.[video]'" in err
     assert not out.exists() and not (tmp_path / "n").exists()
 
 

@@ -30,6 +30,7 @@ _ALL = jaxthermo_app, calibrate_app, experiments_app
 APPS: dict[str, App] = dict(zip(PROGRAMS, _ALL, strict=True))
 TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.M))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = set(PROJECT["optional-dependencies"])
 GROUPS = {"thesis", "benchmarks"}
 
 
@@ -42,12 +43,15 @@ def check(words: list[str], is_complete: bool = True) -> None:
     """
     program, *arguments = words[2:] if words[:2] == ["uv", "run"] else words
     if program == "make":
-        assert set(arguments) <= TARGETS, words
+        extras = [a[len("EXTRAS=") :] for a in arguments if a.startswith("EXTRAS=")]
+        assert {a for a in arguments if "=" not in a} <= TARGETS, words
+        assert len(extras) == sum("=" in argument for argument in arguments), words
+        assert {e for names in extras for e in names.split(",")} <= EXTRAS, words
     elif program == "pip":
         assert arguments[0] == "install" and len(arguments) == 2
-        extra = re.fullmatch(r"jaxthermo\[(\w+)\]", arguments[1])
-        assert arguments[1] == "." or extra, words
-        assert not extra or extra[1] in PROJECT["optional-dependencies"], words
+        extras = re.fullmatch(r"\.(?:\[([\w,]+)\])?", arguments[1])
+        assert extras, words
+        assert set((extras[1] or "view").split(",")) <= EXTRAS, words
     elif program == "python":
         files = [word for word in arguments if word.startswith(("tests/", "docs/"))]
         assert files and all((ROOT / file).exists() for file in files), words
@@ -106,7 +110,10 @@ def test_commands_that_made_the_numbers_are_accepted(path):
     ("line", "error"),
     [
         ("make dmeo", AssertionError),
-        ("pip install jaxthermo[veiw]", AssertionError),
+        ("make env EXTRAS=veiw", AssertionError),
+        ("make env EXTRA=view", AssertionError),
+        ("pip install .[veiw]", AssertionError),
+        ("pip install jaxthermo[view]", AssertionError),
         ("jaxthermo simulate configs/scenes/no.yaml", AssertionError),
         ("jaxthermo simulate scene.yaml --explian", Exception),
         ("jaxthermo simulate", AssertionError),

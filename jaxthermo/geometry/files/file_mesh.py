@@ -1,11 +1,12 @@
 """The mesh of a file as every reader returns it, and the reason why there is none."""
 
 from collections.abc import Callable, Mapping, Sequence
-from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
+
+from ...extras import install_commands, is_installed
 
 
 ABSENT = "-"
@@ -142,10 +143,10 @@ def require_package(package: str, purpose: str) -> None:
     Raises:
         FileFault: with the command that installs it.
     """
-    if find_spec(package) is None:
+    if not is_installed(package):
         raise FileFault(
             f"{purpose} need the package {package}",
-            remedy="install it: pip install 'jaxthermo[formats]'",
+            remedy=f"run {install_commands('formats')}",
         )
 
 

@@ -2,7 +2,6 @@
 
 import functools
 import importlib
-import importlib.util
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -17,6 +16,7 @@ from PIL.Image import Image as Picture
 
 from ...atomic import replacing
 from ...errors import InputError, shortened
+from ...extras import require_extra
 from ..colour.canvas import FAINT, FRAME, INK, PAPER
 from ..colour.palette import BACKGROUND, ENTRIES, palette_table
 
@@ -52,10 +52,12 @@ def check_animation(file_format: str) -> None:
     """
     if file_format not in ANIMATIONS:
         raise InputError(f"animation {file_format!r}: choose {', '.join(ANIMATIONS)}")
-    if file_format == "mp4" and importlib.util.find_spec("av") is None:
-        raise InputError(
-            "animation as MP4 needs the package av: run pip install "
-            '"jaxthermo[video]", or choose apng or gif'
+    if file_format == "mp4":
+        require_extra(
+            "an animation as MP4 needs",
+            package="av",
+            extra="video",
+            otherwise="choose apng or gif",
         )
 
 

@@ -73,7 +73,7 @@ def test_the_group_has_one_table_on_one_page(monkeypatch, tmp_path, capsys):
     results = {
         "steps": result_of(FAST, COST, BETWEEN),
         "growth": growth,
-        "voxelize": InputError("voxelize needs trimesh: install jaxthermo[test]"),
+        "voxelize": InputError("voxelize needs trimesh: `make env EXTRAS=test`"),
         "mixed": BrokenProcessPool(),
         "multigrid": ValueError("<no such> level"),
         "gradients": {"result": {"rows": []}},
@@ -86,7 +86,7 @@ def test_the_group_has_one_table_on_one_page(monkeypatch, tmp_path, capsys):
         "2 of 3 bounds met; missed: steps: gradient",
         "without a result: voxelize, mixed, multigrid, gradients",
         "experiments run steps",
-        "install jaxthermo[test]",
+        "make env EXTRAS=test",
         "too little memory?",
         "ValueError: &lt;no such&gt; level",
         "see result.json",

@@ -69,5 +69,5 @@ def test_without_the_library_one_line_says_what_to_install(monkeypatch):
     with pytest.raises(InputError) as caught:
         shapes.union(ONE, OTHER)
     assert "needs the package manifold3d" in str(caught.value)
-    assert "pip install 'jaxthermo[boolean]'" in str(caught.value)
+    assert "make env EXTRAS=boolean" in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -3,7 +3,6 @@
 import io
 import re
 import struct
-import sys
 import zipfile
 
 import numpy as np
@@ -245,11 +244,8 @@ def test_damaged_dae(tmp_path, content, reason):
     ("suffix", "package"), [("3mf", "lxml"), ("3mf", "networkx"), ("dae", "collada")]
 )
 def test_formats_name_the_package_they_need(tmp_path, monkeypatch, suffix, package):
-    def find_spec(name):
-        return None if name == package else sys.modules[__name__]
-
-    monkeypatch.setattr(file_mesh, "find_spec", find_spec)
+    monkeypatch.setattr(file_mesh, "is_installed", lambda name: name != package)
     expected = f"{suffix.upper()} files need the package {package}"
     with pytest.raises(InputError, match=expected) as caught:
         read(tmp_path, f"a.{suffix}", b"content")
-    assert "pip install 'jaxthermo[formats]'" in str(caught.value)
+    assert "make env EXTRAS=formats" in str(caught.value)

@@ -80,7 +80,7 @@ def test_corners_on_a_straight_side_leave_no_gap(tmp_path):
 @pytest.mark.parametrize("first", range(4))
 def test_a_concave_quadrilateral_is_split_within(tmp_path, monkeypatch, first):
     """Whichever corner comes first, and without the package for longer polygons."""
-    monkeypatch.setattr(file_mesh, "find_spec", lambda name: None)
+    monkeypatch.setattr(file_mesh, "is_installed", lambda name: False)
     arrow = np.array([(0, 0), (2, -1), (0, 3), (-2, -1)], float)
     outline = np.roll(arrow, first, axis=0)
     mesh = loaded(tmp_path, "off", *prism_polygons(outline, 1.0))
@@ -114,12 +114,12 @@ def test_a_face_that_crosses_itself_has_no_area(tmp_path, suffix, face):
 
 
 def test_longer_concave_faces_say_which_package_they_need(tmp_path, monkeypatch):
-    monkeypatch.setattr(file_mesh, "find_spec", lambda name: None)
+    monkeypatch.setattr(file_mesh, "is_installed", lambda name: False)
     vertices, faces = prism_polygons(U_PROFILE, 1.0)
     expected = "concave faces, such as face 1, need the package mapbox_earcut"
     with pytest.raises(InputError, match=re.escape(expected)) as caught:
         loaded(tmp_path, "obj", vertices, faces)
-    assert "pip install 'jaxthermo[formats]'" in str(caught.value)
+    assert "make env EXTRAS=formats" in str(caught.value)
     angle = 2.0 * np.pi * np.arange(6) / 6
     outline = np.column_stack([np.cos(angle), np.sin(angle)])
     mesh = loaded(tmp_path, "obj", *prism_polygons(outline, 1.0))

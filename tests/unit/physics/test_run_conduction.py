@@ -58,7 +58,7 @@ def fresh():
 @pytest.mark.usefixtures("fresh")
 def test_without_numba(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r'pip install "jaxthermo\[native\]"'):
+    with pytest.raises(InputError, match=r"pip install '\.\[native\]'"):
         require_native("a")
 
 

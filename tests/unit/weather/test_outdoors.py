@@ -261,7 +261,7 @@ def test_mistakes(monkeypatch):
     with pytest.raises(InputError, match="no such file"):
         made("nothing.epw")
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"pip install 'jaxthermo\[weather\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[weather\]'"):
         made(CLEAR)
 
 

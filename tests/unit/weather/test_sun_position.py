@@ -81,5 +81,5 @@ def test_mistakes(monkeypatch):
     with pytest.raises(InputError, match="give positive"):
         sun_path(GOLDEN, SPA_TIME, 0.0)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"pip install 'jaxthermo\[weather\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[weather\]'"):
         directions(GOLDEN, [SPA_TIME])

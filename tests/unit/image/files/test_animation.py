@@ -132,6 +132,6 @@ def test_an_mp4_without_its_package_names_the_command(tmp_path, monkeypatch):
         return None if name == "av" else find(name)
 
     monkeypatch.setattr(importlib.util, "find_spec", missing)
-    with pytest.raises(InputError, match=r'pip install "jaxthermo\[video\]"'):
+    with pytest.raises(InputError, match=r"pip install '\.\[video\]'"):
         write_animation(tmp_path / "run.mp4", pictures())
     assert not list(tmp_path.iterdir())
