@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.messages import close_match
 from jaxthermo.config.strict_yaml import read_yaml
-from jaxthermo.console.progress import SILENT, Progress
 from jaxthermo.console.results_folder import results_folder
 from jaxthermo.errors import InputError
+from jaxthermo.progress import SILENT, Progress
 from jaxthermo.structures.weights import FitCard
 
 from .config.fit_record import FitRecord

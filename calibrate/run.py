@@ -12,9 +12,9 @@ from jaxthermo.arrays import precision
 from jaxthermo.atomic import write_text
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.loader import resolved, to_yaml
-from jaxthermo.console.progress import SILENT, Progress
 from jaxthermo.console.results_folder import results_folder
 from jaxthermo.parallel.devices import check_devices
+from jaxthermo.progress import SILENT, Progress
 from jaxthermo.provenance import provenance
 
 from .analysis.experiment_design import rank_experiments

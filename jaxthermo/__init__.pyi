@@ -11,6 +11,8 @@ from .accuracy.surface_error import (
 from .accuracy.truth_error import TruthError as TruthError, truth_error as truth_error
 from .compilation_cache import cache_compilations as cache_compilations
 from .config.card_file import load_card as load_card
+from .config.scene_file import SceneFile as SceneFile, load_scene as load_scene
+from .console.progress import progress_bar as progress_bar
 from .errors import InputError as InputError
 from .flow.body import RoundBody as RoundBody
 from .flow.channel import Channel as Channel
@@ -70,6 +72,7 @@ from .image.surface.camera import (
     Camera as Camera,
     OrthographicCamera as OrthographicCamera,
 )
+from .integrate.run.abstract_solution import StoredSolution as StoredSolution
 from .integrate.run.compiled_simulation import (
     CompiledSimulation as CompiledSimulation,
     compile_simulation as compile_simulation,
@@ -81,6 +84,7 @@ from .integrate.run.solution import (
     Solution as Solution,
     SteadySolution as SteadySolution,
 )
+from .integrate.run.solution_file import load_run as load_run
 from .integrate.solvers import (
     TRBDF2 as TRBDF2,
     BackwardEuler as BackwardEuler,

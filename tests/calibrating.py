@@ -15,8 +15,8 @@ from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import surface_target
 from calibrate.solvers.cameras import build_aligned
 from calibrate.solvers.fit import Fitting
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.integrate.run.parametric_run import ParametricRun
-from jaxthermo.integrate.run.solution_file import StoredSolution
 from tests.bodies import blocks
 
 

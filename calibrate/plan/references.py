@@ -23,7 +23,7 @@ from jaxthermo.accuracy.error_records import ReferenceErrors
 from jaxthermo.accuracy.truth_error import TruthPoints, truth_points
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 
 from ..config.schema import RefinedReference
 from ..problem.reference import COARSENING, RunCost, refined_run

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from itertools import product
 
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.console.progress import Progress
 from jaxthermo.errors import InputError
+from jaxthermo.progress import Progress
 from jaxthermo.timing import Spread
 
 from ..study.rows import Rows

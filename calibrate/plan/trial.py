@@ -14,10 +14,10 @@ from jaxthermo.arrays import precision
 from jaxthermo.config.loader import config_hash
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
+from jaxthermo.integrate.run.made_solution import make_solution
 from jaxthermo.integrate.run.plan import Plan
-from jaxthermo.integrate.run.simulate import make_solution
 from jaxthermo.integrate.run.solution import RESULTS, Observation, run_result
-from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.provenance import processor
 from jaxthermo.timing import Spread, interleaved
 

@@ -12,8 +12,9 @@ from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.quantities import NUMBER, to_si
 from jaxthermo.errors import InputError, located
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.integrate.run.parametric_run import ParametricRun
-from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
+from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.scene.scene import Scene
 

@@ -11,8 +11,8 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.image.radiance.band import Band
 from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface.view import View
+from jaxthermo.integrate.run.abstract_solution import irradiance_at
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
-from jaxthermo.integrate.run.solution import irradiance_at
 from jaxthermo.physics.time_varying import just_before
 from jaxthermo.scene.scene import Scene
 

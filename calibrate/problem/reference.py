@@ -26,11 +26,11 @@ from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.material import LabelledConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS, Solution
-from jaxthermo.integrate.run.solution_file import (
+from jaxthermo.integrate.run.solution_arrays import (
     BodyArrays,
-    StoredSolution,
     body_arrays,
     solved_surface,
 )

@@ -18,11 +18,11 @@ from jaxthermo.accuracy.error_records import ReferenceErrors
 from jaxthermo.accuracy.truth_error import TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
+from jaxthermo.integrate.run.made_solution import make_solution
 from jaxthermo.integrate.run.plan import Plan, step_table
 from jaxthermo.integrate.run.simulate import (
     FirstLoop,
     first_loop,
-    make_solution,
     run_plan,
     take_steps,
 )

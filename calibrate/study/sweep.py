@@ -9,9 +9,9 @@ from typing import Any
 
 from jaxthermo.atomic import replacing, write_text
 from jaxthermo.config.loader import to_yaml
-from jaxthermo.console.progress import Progress
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.devices import check_devices, check_shared
+from jaxthermo.progress import Progress
 
 from ..problem.reference import program_hash
 from .case import Case

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 from skimage.measure import find_contours
 
-from jaxthermo.console.progress import Progress
 from jaxthermo.errors import InputError
+from jaxthermo.progress import Progress
 from jaxthermo.report import page
 from jaxthermo.report.chart import POINT_AREA, Chart, chart_svg
 from jaxthermo.report.table import Table

@@ -17,10 +17,10 @@ from typing import Any, TypedDict
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.simulate import run_plan
 from jaxthermo.integrate.run.solution import Solution
-from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.report.numbers import with_range
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Spread, interleaved, ratio_of

@@ -24,8 +24,8 @@ from calibrate.problem.targets import surface_target
 from calibrate.solvers.levenberg_marquardt import jacobian_rows
 from calibrate.solvers.search import make_objective, residuals
 from jaxthermo.arrays import precision
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.integrate.run.parametric_run import ParametricRun
-from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.parallel.batch import on_every_device, on_first_device
 from jaxthermo.parallel.devices import mesh_of, provide_devices
 from jaxthermo.timing import interleaved

@@ -23,7 +23,7 @@ from calibrate.study.rows import Row, append_rows, read_rows
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.extras import missing_package
-from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.provenance import processor
 from jaxthermo.timing import timed_call
 

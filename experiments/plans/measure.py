@@ -19,9 +19,9 @@ from jaxthermo.accuracy.error_records import finite_numbers
 from jaxthermo.accuracy.truth_error import AtPoints, TruthPoints, truth_points
 from jaxthermo.config.loader import load_config
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.console.progress import Progress
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.integrate.run.simulate import simulate
-from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.progress import Progress
 
 
 _FINER = 1.5

@@ -8,7 +8,8 @@ import numpy as np
 from jaxthermo.accuracy.surface_error import surface_error
 from jaxthermo.accuracy.truth_error import truth_error
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
+from jaxthermo.integrate.run.solution_file import load_solution
 
 from .changes import (
     ABSENT,

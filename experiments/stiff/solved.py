@@ -10,10 +10,11 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.implicit.jacobian import LINEAR_TOLERANCE
+from jaxthermo.integrate.run.made_solution import make_solution
 from jaxthermo.integrate.run.plan import (
     plan_run,
 )
-from jaxthermo.integrate.run.simulate import first_loop, make_solution, take_steps
+from jaxthermo.integrate.run.simulate import first_loop, take_steps
 from jaxthermo.integrate.run.solution import result_name
 from jaxthermo.integrate.solvers import AbstractSolver
 from jaxthermo.integrate.stepper import in_place

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..integrate.run.solution_file import StoredSolution, load_solution
+from ..integrate.run.abstract_solution import StoredSolution
+from ..integrate.run.solution_file import load_solution
 from ..scene.scene import SolvedSurface
 from .error_records import ReferenceComparison
 from .surface_error import AnySolution

@@ -12,8 +12,8 @@ from jaxtyping import Array, Bool, Float
 
 from ..arrays import is_traced, precision
 from ..errors import InputError
+from ..integrate.run.abstract_solution import StoredSolution
 from ..integrate.run.solution import Solution, SteadySolution
-from ..integrate.run.solution_file import StoredSolution
 from ..scene.scene import SolvedSurface
 
 

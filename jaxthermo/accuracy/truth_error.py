@@ -11,8 +11,8 @@ from ..arrays import namespace
 from ..errors import InputError
 from ..geometry.mesh import Mesh, joined
 from ..geometry.sample import MeshSample, mesh_sample
+from ..integrate.run.abstract_solution import StoredSolution
 from ..integrate.run.solution import Solution
-from ..integrate.run.solution_file import StoredSolution
 from ..integrate.run.surface_reading import SurfaceReading, surface_reading
 from ..scene.scene import BodyGeometry, SolvedSurface
 from .error_records import TruthErrors, finite_number, finite_numbers

@@ -15,7 +15,8 @@ from ..constants import ZERO_CELSIUS
 from ..errors import InputError
 from ..image.colour.annotate import write_png
 from ..image.colour.ticks import time_label
-from ..integrate.run.solution_file import StoredSolution, load_solution
+from ..integrate.run.abstract_solution import StoredSolution
+from ..integrate.run.solution_file import load_run
 from ..physics.contact.links import Contact
 from ..physics.contact.rays import PlacedGrid
 from ..physics.contact.search import contacts_between
@@ -58,7 +59,7 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
     console = open_console()
     target = out or run
     with precision(config.dtype):
-        stored = load_solution(run / "solution.npz")
+        stored = load_run(run)
         frame_times = chosen_frames(config, stored.times)
         with status(console, "voxelizing"):
             grids = [body.build_grid() for body in config.bodies]

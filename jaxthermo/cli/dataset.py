@@ -15,6 +15,7 @@ from rich.console import Console
 from ..arrays import precision
 from ..atomic import write_json, write_text
 from ..config.loader import load_dataset, to_yaml
+from ..config.scene_file import plan_of
 from ..config.schema.scene import SceneConfig
 from ..console.progress import terminal_progress
 from ..console.results_folder import prepare_folder, results_folder
@@ -37,10 +38,9 @@ from ..image.files.raster_files import (
     write_grey,
 )
 from ..image.radiance.image import Image, coarsen
-from ..integrate.run.plan import plan_run
-from ..integrate.run.save_solution import save_solution
+from ..integrate.run.abstract_solution import SOLUTION_FILE, StoredSolution
 from ..integrate.run.solution import RESULTS
-from ..integrate.run.solution_file import StoredSolution, load_solution
+from ..integrate.run.solution_file import load_run
 from ..report.numbers import count
 from .dataset_plan import DatasetPlan, plan_dataset
 from .frames import FrameCamera, chosen_frames
@@ -156,23 +156,17 @@ def _write_variation(
 
 def _stored(console: Console, config: SceneConfig, run_folder: Path) -> StoredSolution:
     """The run of a variation: read, continued or simulated."""
-    solution = run_folder / "solution.npz"
-    if solution.is_file():
-        return load_solution(solution)
+    if (run_folder / SOLUTION_FILE).is_file():
+        return load_run(run_folder)
     write_text(run_folder / CONFIG, to_yaml(config))
     with status(console, "building the scene"):
         scene = config.build()
-        plan = plan_run(
-            scene,
-            t1=config.time.end,
-            save_at=config.time.save_times,
-            solver=config.solver.build(),
-            control_error=True,
-        )
+        plan = plan_of(config, scene)
     result, _ = run_plan(console, config=config, plan=plan, out=run_folder)
     if result.result != RESULTS.successful:
         raise InputError(f"{run_folder}: {RESULTS[result.result]}")
-    stored = save_solution(solution, result)
+    stored = result.stored()
+    stored.save(run_folder)
     (run_folder / CHECKPOINT).unlink(missing_ok=True)
     return stored
 

@@ -15,7 +15,8 @@ from ..errors import InputError
 from ..image.files.surfaces import body_rows, temperature_scale, write_glb, write_vtu
 from ..image.files.textures import BodyTextures, write_textures
 from ..image.files.vtu import write_pvd
-from ..integrate.run.solution_file import StoredSolution, load_solution
+from ..integrate.run.abstract_solution import StoredSolution
+from ..integrate.run.solution_file import load_run
 from ..report.numbers import count
 from .frames import SavedTime, chosen_frames, finished_config
 
@@ -57,7 +58,7 @@ def export(
     console = open_console()
     target = out or run / format
     with precision(config.dtype), status(console, "exporting"):
-        stored = load_solution(run / "solution.npz")
+        stored = load_run(run)
         times = chosen_frames(config, stored.times)
         with results_folder(target) as folder:
             written = _WRITERS[format](_Run(config, stored, times), folder)

@@ -15,7 +15,6 @@ from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
 from ..image.colour.annotate import write_png
-from ..image.colour.ticks import time_label
 from ..image.files.animation import (
     ANIMATIONS,
     MAX_BYTES,
@@ -31,6 +30,7 @@ from ..image.measurements import (
     Spot,
     names_of,
 )
+from ..progress import duration
 from ..report.columns import write_columns
 from ..report.frame_sheet import shown_on_sheet, tile_sheet
 from ..report.numbers import count
@@ -210,7 +210,7 @@ def _playback(times: Sequence[float], rate: float) -> str:
     frames = f"{count(len(times), 'frame')} at {rate:g} a second"
     steps = np.diff(times)
     if len(steps) and np.allclose(steps, steps[0], rtol=0.01, atol=0):
-        interval = time_label(float(steps[0]) * rate).removeprefix("t = ")
+        interval = duration(float(steps[0]) * rate)
         return f"{frames}, one second shows {interval} of the run"
     return f"{frames}, of times that are not evenly spaced" if len(steps) else frames
 

@@ -21,10 +21,9 @@ from ..image.radiance.band import apparent_temperature
 from ..image.radiance.draw import Moment
 from ..image.radiance.image import Image
 from ..image.surface.view import View
-from ..integrate.run.solution_file import StoredSolution, load_solution
-from ..physics.radiation.irradiation import Irradiance
+from ..integrate.run.abstract_solution import SOLUTION_FILE, StoredSolution
+from ..integrate.run.solution_file import load_run
 from ..physics.term import AbstractTerm
-from ..physics.time_varying import just_before
 from ..report.numbers import count
 from ..scene.scene import SolvedSurface
 from .frame_files import Frame
@@ -107,16 +106,15 @@ class FrameCamera:
         return self._recorder.before_lens(self._moment(stored, index))
 
     def _moment(self, stored: StoredSolution, index: int) -> Moment:
-        assert stored.irradiance is not None
         # On the host: indexing there compiles no program.
         time = np.asarray(stored.times)[index]
         return Moment(
             surfaces=self._surfaces,
             terms=self._terms,
             temperature=np.asarray(stored.surface_temperature)[index],
-            received=Irradiance(*(rows[index] for rows in stored.irradiance)),
+            received=stored.irradiance(index),
             time=time,
-            load_time=just_before(time),
+            load_time=stored.load_time(index),
         )
 
 
@@ -239,9 +237,8 @@ def render(
     console = open_console()
     target = out or run
     with precision(config.dtype), status(console, "drawing frames"):
-        stored = load_solution(run / "solution.npz")
-        terms = config.build_terms()
-        camera = FrameCamera(config, stored.surfaces, terms)
+        stored = load_run(run)
+        camera = FrameCamera(config, stored.surfaces, stored.terms)
         with results_folder(target) as folder:
             frames = write_frames(
                 config, camera=camera, stored=stored, folder=folder, extras=extras
@@ -259,7 +256,7 @@ def finished_config(
     Raises:
         InputError: for a folder without a run, or a change of anything else.
     """
-    for name in ("config.yaml", "solution.npz"):
+    for name in ("config.yaml", SOLUTION_FILE):
         if not (run / name).is_file():
             raise InputError(
                 f"{run}: has no {name}; name a folder written by `jaxthermo simulate`"

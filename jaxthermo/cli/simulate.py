@@ -11,6 +11,7 @@ from ..arrays import precision
 from ..atomic import write_json, write_text
 from ..config.card_file import load_card
 from ..config.loader import config_hash, load_config, to_yaml
+from ..config.scene_file import plan_of
 from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..config.shipped_cards import card_name
@@ -31,8 +32,7 @@ from ..integrate.run.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from ..integrate.run.plan import Plan, plan_run
-from ..integrate.run.save_solution import save_solution
+from ..integrate.run.plan import Plan
 from ..integrate.run.solution import RESULTS, Solution
 from ..parallel.devices import provide_devices
 from ..parallel.meeting import Group
@@ -163,13 +163,7 @@ def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
     with status(console, "building the scene"):
         with collected_warnings() as doubts:
             scene = on_devices(config.build(), devices)
-        plan = plan_run(
-            scene,
-            t1=config.time.end,
-            save_at=config.time.save_times,
-            solver=config.solver.build(),
-            control_error=True,
-        )
+        plan = plan_of(config, scene)
         structures = [
             structure_report(body.structure) for body in bodies_with_surface(scene)
         ]
@@ -240,7 +234,8 @@ def _run_simulation(
         solution, times = run_plan(console, config=config, plan=plan, out=out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
-        stored = save_solution(out / "solution.npz", solution)
+        stored = solution.stored()
+        stored.save(out)
         write_energy(out / "energy.csv", planned.scene, solution)
         if solution.probes:
             write_probes(out / _PROBES, solution)
@@ -329,17 +324,8 @@ def _run_segments(
         terminal_progress(console) as shown,
     ):
         progress = ready
-        passes = 0
-        shown.stage("simulating", plan.steps)
         last_saved = run_start
-        for progress in segments.run_segments(plan, ready):
-            # The bar begins again with every pass of a run that controls its error.
-            if progress.passes.number > passes:
-                passes = progress.passes.number
-                shown.stage(f"simulating, pass {passes + 1}", plan.steps)
-            reached = _duration(progress.time_reached(plan))
-            note = f"{reached} of {_duration(config.time.last)}"
-            shown.reach(progress.steps_done(plan), note)
+        for progress in segments.shown_segments(plan, ready, shown):
             if any_process(interrupted()):
                 _stop(plan, progress=progress, out=out, key=key)
             if agreed(time.perf_counter() - last_saved > _CHECKPOINT_EVERY):
@@ -348,11 +334,6 @@ def _run_segments(
     run_time = time.perf_counter() - run_start
     times = {"compile_time_s": compile_time, "run_time_s": run_time}
     return segments.finish_run(plan, progress), times
-
-
-def _duration(time: float) -> str:
-    """A time as it stands in a sentence: "90 s" or "12 min 30 s"."""
-    return time_label(time).removeprefix("t = ")
 
 
 def _checkpoint_key(config: SceneConfig) -> str:

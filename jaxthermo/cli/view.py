@@ -8,7 +8,7 @@ from ..arrays import precision
 from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..console.terminal import open_console, patient_interrupt, print_line, status
-from ..integrate.run.solution_file import load_solution
+from ..integrate.run.solution_file import load_run
 from ..live.live_run import AbstractLiveRun
 from ..live.playback import Playback
 from ..live.server import LiveView, serving
@@ -30,8 +30,8 @@ def play(run: Path, host: str, port: int, rate: float) -> None:
     """Show a finished run in a browser until Ctrl-C."""
     config = finished_config(run, (), find_meshes=False)
     with precision(config.dtype):
-        stored = load_solution(run / "solution.npz")
-        playback = Playback(stored, config.build_terms())
+        stored = load_run(run)
+        playback = Playback(stored)
     with serving(host, port) as server:
         _show(server, live_run=playback, config=config, port=port, rate=rate)
 

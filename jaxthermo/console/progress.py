@@ -1,10 +1,12 @@
-"""Progress of long work: what is told, and a bar that shows it on a terminal."""
+"""A bar that shows the progress of long work on a terminal or in a notebook."""
 
+import html
+import importlib
 import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol, final, runtime_checkable
+from typing import Any, final
 
 from rich.console import Console
 from rich.progress import (
@@ -16,32 +18,8 @@ from rich.progress import (
 )
 from typing_extensions import override
 
-from .terminal import print_line
-
-
-@runtime_checkable
-class Progress(Protocol):
-    """Receiver of the progress of long work, which consists of stages."""
-
-    def stage(self, name: str, total: int | None = None, done: int = 0) -> None:
-        """Begin a stage of `total` steps (None if unknown), some of them done."""
-
-    def reach(self, done: int, note: str = "") -> None:
-        """Tell how many steps of the stage are done; the note is shown with them."""
-
-    def advance(self, count: int = 1) -> None:
-        """Tell that further steps of the stage are done."""
-
-    def line(self, text: str) -> None:
-        """Tell of a result or a mistake, in a line that stays."""
-
-
-class _SilentProgress(Progress):
-    """Progress that is not shown; a subclass may react to some of it."""
-
-
-SILENT = _SilentProgress()
-"""Progress that is told to nobody."""
+from ..progress import Progress
+from .terminal import open_console, print_line
 
 
 @final
@@ -101,3 +79,67 @@ def terminal_progress(
         disable=not console.is_terminal,
     ) as bar:
         yield _TerminalProgress(console, bar=bar, interval=interval)
+
+
+@final
+class _NotebookProgress(Progress):
+    """A bar below the cell of a notebook, which replaces itself."""
+
+    def __init__(self, display: Any):
+        """Show progress by a display of IPython that can be updated."""
+        self._display = display
+        self.stage("starting")
+
+    @override
+    def stage(self, name: str, total: int | None = None, done: int = 0) -> None:
+        self._name = name
+        self._total = total
+        self.reach(done)
+
+    @override
+    def reach(self, done: int, note: str = "") -> None:
+        self._done = done
+        value = "" if self._total is None else f" value={done} max={self._total}"
+        text = html.escape(f"{self._name} {note}")
+        self._show(f"<progress{value} style='width: 24em'></progress> {text}")
+
+    @override
+    def advance(self, count: int = 1) -> None:
+        self.reach(self._done + count)
+
+    @override
+    def line(self, text: str) -> None:
+        print(text)  # noqa: T201
+
+    def end(self) -> None:
+        """Remove the bar."""
+        self._show("")
+
+    def _show(self, text: str) -> None:
+        self._display.update({"text/html": text, "text/plain": ""}, raw=True)
+
+
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """Show a bar, below the cell of a notebook or on a terminal; none in a pipe.
+
+    It goes when the work is done. Give it to `simulate` without calling it.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
+        >>> body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], temperature=350)
+        >>> scene = jt.Scene((body,), (jt.Convection(10.0, 290.0),))
+        >>> solution = jt.simulate(scene, 60.0, progress=jt.progress_bar)
+    """
+    console = open_console()
+    if not console.is_jupyter:
+        with terminal_progress(console) as progress:
+            yield progress
+        return
+    notebook: Any = importlib.import_module("IPython.display")
+    shown = _NotebookProgress(notebook.display({}, raw=True, display_id=True))
+    try:
+        yield shown
+    finally:
+        shown.end()

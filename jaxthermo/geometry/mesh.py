@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..arrays import linear_map, numbered, static_numbers
 from ..errors import InputError, require, shortened
+from ..shown import html_of
 from .rotation import Turn, Way, shortest_way, way_by_angle
 from .vectors import unit_vector
 
@@ -57,6 +58,9 @@ class Mesh:
         positions = vertices.astype(np.result_type(vertices, np.float32), copy=False)
         object.__setattr__(self, "vertices", positions)
         object.__setattr__(self, "faces", faces)
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     @property
     def triangles(self) -> Float[np.ndarray, "f 3 3"]:

@@ -37,7 +37,7 @@ from .surface.view import View, kept_view
 
 
 if TYPE_CHECKING:
-    from ..integrate.run.solution import AbstractSolution
+    from ..integrate.run.abstract_solution import AbstractSolution
 else:
     # Checked by `_frames_of`: frames of stored runs need nothing that runs a scene.
     AbstractSolution = Any
@@ -60,7 +60,7 @@ def render(
     """Draw the thermal image of one saved time.
 
     Args:
-        solution: from `simulate` or `steady`.
+        solution: from `simulate`, `steady` or `load_run`.
         camera: position, direction and size of the image.
         index: index of the saved time.
         smooth: interpolate temperatures smoothly over the voxels.
@@ -139,8 +139,8 @@ def _frames_of(
     occlusion: float | None,
 ) -> Callable[[int], Image]:
     """Draws frames of a solution by the index of their time."""
-    solutions = "a solution of simulate or steady"
-    classes = importlib.import_module("jaxthermo.integrate.run.solution")
+    solutions = "a solution of simulate, steady or load_run"
+    classes = importlib.import_module("jaxthermo.integrate.run.abstract_solution")
     require(
         solution,
         classes=classes.AbstractSolution,
@@ -160,6 +160,13 @@ def _frames_of(
         smooth=smooth,
         occlusion=occlusion,
     )
+    return recorded_frames(recorder, solution)
+
+
+def recorded_frames(
+    recorder: "Recorder", solution: AbstractSolution
+) -> Callable[[int], Image]:
+    """Function that draws frames of a solution by the index of their time."""
     times = np.asarray(solution.times)
 
     def moment(index: int) -> Moment:
@@ -175,7 +182,7 @@ def _frames_of(
     recording = recorder.recording(moment, times)
 
     def frame(index: int) -> Image:
-        with precision(solution.receipt.dtype):
+        with precision(solution.dtype):
             return recording.frame(index)
 
     return frame

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from ..image.colour.palette import palette_table
 from ..image.colour.ticks import scale_ticks, time_label, to_celsius
+from ..progress import duration
 
 
 # Colours of a bar: a browser interpolates between them.
@@ -52,7 +53,7 @@ class RunStatus(NamedTuple):
 
 def status_lines(status: RunStatus) -> str:
     """Lines about the run: its time, what it does, and how fast."""
-    end = time_label(status.end).removeprefix("t = ")
+    end = duration(status.end)
     speed = "–" if status.simulated is None else f"{status.simulated:.3g}"
     frames = "–" if status.frames is None else f"{status.frames:.3g}"
     note = (

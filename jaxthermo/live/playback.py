@@ -6,7 +6,7 @@ from scipy.sparse import csr_array
 from typing_extensions import override
 
 from ..errors import InputError
-from ..integrate.run.solution_file import StoredSolution
+from ..integrate.run.abstract_solution import StoredSolution
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
 from ..scene.scene import SolvedSurface
@@ -20,9 +20,8 @@ class Playback(AbstractLiveRun):
         InputError: for a run with less than two saved times, in which nothing moves.
     """
 
-    def __init__(self, stored: StoredSolution, terms: tuple[AbstractTerm, ...]):
+    def __init__(self, stored: StoredSolution):
         self._stored = stored
-        self._terms = terms
         self.times: Float[np.ndarray, " t"] = np.asarray(stored.times, float)
         if len(self.times) < 2:
             raise InputError(
@@ -40,7 +39,7 @@ class Playback(AbstractLiveRun):
     @property
     @override
     def terms(self) -> tuple[AbstractTerm, ...]:
-        return self._terms
+        return self._stored.terms
 
     @property
     @override
@@ -64,9 +63,9 @@ class Playback(AbstractLiveRun):
 
     @override
     def irradiance(self) -> Irradiance:
-        irradiance = self._stored.irradiance
-        assert irradiance is not None
-        return Irradiance(*(self._between(np.asarray(rows)) for rows in irradiance))
+        irradiances = self._stored.irradiances
+        assert irradiances is not None
+        return Irradiance(*(self._between(np.asarray(rows)) for rows in irradiances))
 
     @override
     def advance_to(self, time: float, budget: float = 0.0) -> None:

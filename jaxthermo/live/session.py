@@ -24,6 +24,7 @@ from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..integrate.ledger import empty_ledger
+from ..integrate.run.abstract_solution import irradiance_at
 from ..integrate.run.plan import (
     Plan,
     initial_state,
@@ -33,7 +34,7 @@ from ..integrate.run.plan import (
 )
 from ..integrate.run.schedule import Interval
 from ..integrate.run.segments import take_segment
-from ..integrate.run.solution import irradiance_at, observe
+from ..integrate.run.solution import observe
 from ..integrate.solvers import ForwardEuler, SuperTimeStepping
 from ..integrate.stepper import RunState
 from ..physics.radiation.irradiation import Irradiance

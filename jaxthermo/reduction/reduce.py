@@ -9,7 +9,7 @@ from typing_extensions import override
 
 from ..errors import InputError, require
 from ..host_memory import require_memory
-from ..integrate.run.solution_file import StoredSolution
+from ..integrate.run.abstract_solution import StoredSolution
 from ..scene.scene import Scene
 from .basis import Basis, project, snapshots
 from .linear_system import LinearSystem

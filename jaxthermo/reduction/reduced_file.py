@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from ..archive import read_archive, select_arrays, write_archive
 from ..errors import InputError
-from ..integrate.run.solution_file import BodyArrays, body_arrays, solved_surface
+from ..integrate.run.solution_arrays import BodyArrays, body_arrays, solved_surface
 from ..scene.scene import SolvedSurface
 
 

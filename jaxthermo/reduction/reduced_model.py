@@ -23,7 +23,7 @@ from ..arrays import (
     split_times,
 )
 from ..errors import InputError
-from ..integrate.run.solution_file import StoredSolution
+from ..integrate.run.abstract_solution import StoredSolution
 from ..physics.time_varying import (
     SAMPLES,
     breakpoints,

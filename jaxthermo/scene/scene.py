@@ -20,6 +20,7 @@ from ..memo.found import found
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
 from ..sheets.sheet_grid import SheetGrid
+from ..shown import html_of
 from ..structures.kinds.air import AirVolume
 from ..structures.kinds.sheet import Sheet
 from ..structures.partition.assignment import voxel_owner
@@ -320,6 +321,9 @@ class Scene(Module):
                         f"terms[{i}] is on body {body}, and there are "
                         f"{len(self.bodies)}: count from 0"
                     )
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     def precision(self) -> AbstractContextManager:
         """Context in which arrays of the scene's type can be created.

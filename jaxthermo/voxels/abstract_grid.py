@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
+from ..shown import html_of
 from .cavities import AbstractCavities
 from .fragment_pieces import FragmentPieces
 from .lattice import Lattice
@@ -39,6 +40,9 @@ class AbstractGrid(abc.ABC):
     for half the pitch."""
     unscaled_because: str
     """Reason why areas and volume are not those of the mesh; empty if they are."""
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     @property
     def pitch(self) -> float:

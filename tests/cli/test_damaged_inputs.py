@@ -23,7 +23,10 @@ from calibrate.config.fit_record import write_fit
 from jaxthermo.archive import write_archive
 from jaxthermo.config.card_file import write_card
 from jaxthermo.image.files.exr import read_exr, write_channels
-from jaxthermo.integrate.run.solution_file import FORMAT_VERSION as SOLUTION_VERSION
+from jaxthermo.integrate.run.solution_arrays import (
+    FORMAT_VERSION as SOLUTION_VERSION,
+    json_array,
+)
 from jaxthermo.report import voxel_sheet
 from tests.calibrating import RESULT
 from tests.damaged import damage, damage_archive, damage_record
@@ -74,12 +77,16 @@ def _solution(folder: Path) -> Path:
     }  # fmt: skip
     run_arrays = {
         "times": saved, "surface_temperature": np.full((2, count), 300.0),
-        "mean_temperature": np.full((2, 1), 300.0), "stored_J": np.zeros(2),
-        "irradiance": np.full((2, count), 40.0), "energy_sun_J": np.ones(2),
+        "mean_temperature": np.full((2, 1), 300.0), "terms": json_array([]),
+        "irradiance": np.full((2, count), 40.0), "energy": np.zeros((2, 4)),
+        "energy_columns": json_array(
+            [[b, kind, ""] for b in (-1, 0) for kind in ("stored", "residual")]
+        ),
         "irradiance_sources": np.zeros((2, 1, count)),
         "source_spectrum": np.full((2, 1), 5800.0), "heat_flux": np.ones((2, count)),
         "heat_transfer_coefficient": np.full((2, count), 10.0),
         "probe_temperature": np.full((2, 1), 300.0), "probe_position": np.zeros((1, 3)),
+        "probe_names": json_array(["core"]),
     }  # fmt: skip
     arrays = run_arrays | {f"body0_{name}": value for name, value in body.items()}
     (folder / "config.yaml").write_text(SCENE)

@@ -9,7 +9,7 @@ from PIL import Image
 import jaxthermo as jt
 from jaxthermo.cli.contacts import _texture
 from jaxthermo.cli.frames import SavedTime
-from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.scene.scene import SolvedSurface, body_geometry
 
 

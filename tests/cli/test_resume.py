@@ -11,8 +11,8 @@ from cli_runs import RESULTS, files, frame_files, run, scene_file, sets, succeed
 from killing import kill, start
 
 import jaxthermo.cli.simulate as command
-from jaxthermo.console.progress import _SilentProgress
 from jaxthermo.console.results_folder import prepare_folder
+from jaxthermo.progress import _SilentProgress
 
 
 STEPS = ("--set", "solver.dt=0.02")

@@ -10,8 +10,8 @@ from typing_extensions import override
 
 from calibrate.study.sweep import Options, run_sweep
 from experiments.__main__ import main
-from jaxthermo.console.progress import _SilentProgress
 from jaxthermo.errors import InputError
+from jaxthermo.progress import _SilentProgress
 from tests.cli.cli_runs import files, run
 from tests.cli.killing import kill, start
 from tests.cli.test_full_disk import largest_file

@@ -9,7 +9,7 @@ from jaxthermo.archive import write_archive
 from jaxthermo.cli.truth import error_in_words
 from jaxthermo.config.loader import load_config
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.solution_file import FORMAT_VERSION
+from jaxthermo.integrate.run.solution_arrays import FORMAT_VERSION
 
 
 FOUND = {

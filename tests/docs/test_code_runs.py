@@ -20,6 +20,13 @@ EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
 PRELUDE = """
 import jax, numpy as np, trimesh, jaxthermo as jt
 trimesh.creation.box((30, 20, 40)).export("statue.ply")
+open("warm.yaml", "w").write('''
+bodies: [{mesh: {path: statue.ply, unit: mm}, pitch: 5 mm, material: copper,
+          temperature: 300}]
+terms: [{kind: convection, heat_transfer_coefficient: 10, temperature: 290}]
+time: {end: 60, save_every: 30}
+camera: {width: 64, height: 48}
+''')
 mesh = jt.load_mesh("statue.ply", unit="mm")
 grid = jt.voxelize(mesh, pitch=5e-3)
 steel = jt.materials["stainless_steel"]

@@ -16,10 +16,11 @@ import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.implicit import adaptive
 from jaxthermo.integrate.implicit.jacobian import LINEAR_TOLERANCE
+from jaxthermo.integrate.run.made_solution import make_solution
 from jaxthermo.integrate.run.plan import (
     plan_run,
 )
-from jaxthermo.integrate.run.simulate import first_loop, make_solution, take_steps
+from jaxthermo.integrate.run.simulate import first_loop, take_steps
 from jaxthermo.integrate.run.solution import RESULTS
 from tests.bodies import blocks
 

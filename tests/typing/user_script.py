@@ -77,6 +77,11 @@ receipt = jt.compile_scene(scene).receipt
 steps = (jt.ForwardEuler(), jt.SuperTimeStepping(), jt.BackwardEuler(60.0))
 solution: jt.Solution = jt.simulate(scene, 90.0, (30.0, 90.0), solver=jt.TRBDF2())
 exchange = jt.RadiativeExchange(280.0)
+folder = "results/run"
+solution.save(folder)
+stored: jt.StoredSolution = jt.load_run(folder)
+file: jt.SceneFile = jt.load_scene("scene.yaml", ["time.end=3 min"])
+shown: jt.Solution = file.simulate(progress=jt.progress_bar)
 even: jt.SteadySolution = jt.steady(jt.Scene((body,), (exchange,)))
 wired = jt.Scene((body,), (exchange,), probes={"core": (0, 0, 0)})
 readings = jt.probe(jt.simulate(wired, 9.0), [(0.0, 0.0, 0.0), (0.0, 0.0, 0.1)])

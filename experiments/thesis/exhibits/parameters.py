@@ -10,7 +10,7 @@ from calibrate.study.case import Case, build_case, plan_case
 from calibrate.study.front import Point, points_of
 from calibrate.study.sweep import Options, run_sweep
 from calibrate.study.times import time_case
-from jaxthermo.console.progress import SILENT
+from jaxthermo.progress import SILENT
 from jaxthermo.report.chart import Chart
 from jaxthermo.timing import Spread
 

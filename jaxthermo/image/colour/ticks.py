@@ -3,6 +3,7 @@
 import math
 
 from ...constants import ZERO_CELSIUS
+from ...progress import duration
 
 
 _MAX_DECIMALS = 6
@@ -81,16 +82,4 @@ def to_celsius(temperature: float) -> float:
 
 def time_label(time: float) -> str:
     """Format a time [s]: "t = 90 s", "t = 12 min 30 s", "t = 3 h 05 min"."""
-    sign = "-" if time < 0 else ""
-    size = abs(time)
-    if size < 9.9995:
-        return f"t = {sign}{size:.4g} s"
-    # Rounded before splitting, so that 59.99 s never reads as 60 s of a minute.
-    tenths = round(size, 1)
-    if tenths < 120.0:
-        return f"t = {sign}{tenths:g} s"
-    seconds = round(size)
-    if seconds < 3600:
-        return f"t = {sign}{seconds // 60} min {seconds % 60:02d} s"
-    minutes = round(size / 60)
-    return f"t = {sign}{minutes // 60} h {minutes % 60:02d} min"
+    return f"t = {duration(time)}"

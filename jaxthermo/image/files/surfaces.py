@@ -13,8 +13,7 @@ from ...errors import InputError
 from ...geometry.mesh import joined
 from ...geometry.refine import refine_edges
 from ...geometry.vectors import unit_vectors
-from ...integrate.run.solution import AbstractSolution
-from ...integrate.run.solution_file import StoredSolution
+from ...integrate.run.abstract_solution import AbstractSolution
 from ...memo.found import found
 from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
 from ..colour.palette import apply_palette
@@ -95,19 +94,18 @@ def _vertex_mesh(
     )
 
 
-_Solved = AbstractSolution | StoredSolution
 _UNITS = {"heat_flux": "W_m2", "heat_transfer_coefficient": "W_m2K"}
 # Smallest range of a colour scale [K].
 _MIN_RANGE = 0.1
 
 
-def body_rows(solution: _Solved) -> list[slice]:
+def body_rows(solution: AbstractSolution) -> list[slice]:
     """Fragments of every body in arrays of all of them."""
     return consecutive(len(s.geometry.fragment_area) for s in solution.surfaces)
 
 
 def temperature_scale(
-    solution: _Solved,
+    solution: AbstractSolution,
     indices: Sequence[int],
     low: float | None = None,
     high: float | None = None,
@@ -136,7 +134,7 @@ def temperature_scale(
 
 def write_vtu(
     path: str | Path,
-    solution: _Solved,
+    solution: AbstractSolution,
     index: int = -1,
     *,
     names: Sequence[str] = (),
@@ -189,7 +187,7 @@ def write_vtu(
     )
 
 
-def _names(solution: _Solved) -> list[str]:
+def _names(solution: AbstractSolution) -> list[str]:
     """Names of the bodies, or their numbers where they have none."""
     bodies = [surface.geometry.name for surface in solution.surfaces]
     return [name or f"body{number}" for number, name in enumerate(bodies)]
@@ -212,7 +210,7 @@ class _Field(NamedTuple):
     """Values of the fragments of every body."""
 
 
-def _fields(solution: _Solved, index: int) -> Iterator[_Field]:
+def _fields(solution: AbstractSolution, index: int) -> Iterator[_Field]:
     """Quantities at a saved time."""
     rows = body_rows(solution)
 
@@ -235,7 +233,7 @@ def _emissivity(surface: SolvedSurface) -> Float[np.ndarray, " s"]:
 
 def write_glb(
     path: str | Path,
-    solution: _Solved,
+    solution: AbstractSolution,
     index: int = -1,
     *,
     low: float | None = None,

@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ...shown import html_of
 from .band import Band, Values, apparent_temperature
 
 
@@ -42,6 +43,9 @@ class Image(eqx.Module):
     """Band of the detector; None for all wavelengths."""
     coverage: Float[Values, "h w"] | None = None
     """Fraction of each pixel that bodies cover [-]; None of one sample a pixel."""
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     @property
     def apparent_temperature(self) -> Float[Values, "h w"]:

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import Points
 from ...errors import InputError, shortened
 from ...geometry.vectors import unit_vectors
-from .solution import AbstractSolution
+from .abstract_solution import AbstractSolution
 from .surface_reading import SurfaceReading, surface_reading
 
 
@@ -24,7 +24,7 @@ def probe(
     `Scene(probes=)`: a solution does not store what is inside.
 
     Args:
-        solution: from `simulate` or `steady`.
+        solution: from `simulate`, `steady` or `load_run`.
         points: positions in the world at the start [m], three numbers each; a point
             stays where it is on its body as that moves. None for those of the scene.
         normals: outward normals of the surface at the points, such as those of

@@ -14,11 +14,12 @@ import numpy as np
 
 from ...arrays import device_array
 from ...parallel.processes import agreed
+from ...progress import Progress, duration
 from ...scene.compile.program import Program, State
 from ..stepper import LoopArguments, RunState, in_place
+from .made_solution import make_solution
 from .plan import Plan, initial_state, observation_time, window_of
 from .schedule import Interval
-from .simulate import make_solution
 from .solution import Observation, Solution, observe
 from .step_loop import Span, advance
 from .time_error import Passes, of_pass
@@ -166,6 +167,23 @@ def run_segments(
         if plan.control is not None and progress.interval == len(plan.intervals):
             progress = _next_pass(plan, progress)
             running = _running(plan, progress)
+        yield progress
+
+
+def shown_segments(
+    plan: Plan, start: RunProgress, shown: Progress
+) -> Iterator[RunProgress]:
+    """Take the segments of `run_segments` and tell each to a receiver of progress."""
+    end = duration(plan.save_times[-1])
+    passes = 0
+    shown.stage("simulating", plan.steps)
+    for progress in run_segments(plan, start):
+        # The steps begin again with every pass of a run that controls its error.
+        if progress.passes.number > passes:
+            passes = progress.passes.number
+            shown.stage(f"simulating, pass {passes + 1}", plan.steps)
+        reached = duration(progress.time_reached(plan))
+        shown.reach(progress.steps_done(plan), f"{reached} of {end}")
         yield progress
 
 

@@ -1,7 +1,7 @@
 """Solutions of `simulate` and `steady`, and how a run can end."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -12,32 +12,25 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import (
-    HOST,
-    HostTime,
-    SplitTimes,
-    Time,
     device_array,
     is_traced,
-    precision,
-    split_times,
 )
 from ...network.self_adjoint_primitive import computed_once
 from ...parallel.lattice import replicated
 from ...physics.radiation.irradiation import (
-    Irradiance,
     SceneRadiation,
-    SurfaceRadiation,
 )
 from ...physics.term import AbstractTerm
-from ...physics.time_varying import just_before
 from ...physics.windows import Window, over
-from ...scene.compile.program import Program, Receipt
+from ...scene.compile.program import Program
+from ...scene.compile.receipt_model import Receipt
 from ...scene.named import Probe
-from ...scene.scene import SolvedSurface, per_fragment
+from ...scene.scene import SolvedSurface
 from ..heat_rates import pair_nodes
 from ..implicit.newton_stage import SolverStatistics
 from ..ledger import Energy, HeatRates, Ledger
 from ..stepper import RunState
+from .abstract_solution import AbstractComputedSolution
 
 
 class RESULTS(eqx.Enumeration):
@@ -110,93 +103,7 @@ class RunSummary(Module):
     """Limits that the run missed, each with its cause and what to do."""
 
 
-class AbstractSolution(Module):
-    """Temperatures of the surface, with the bodies and terms that they belong to.
-
-    A float64 scene gives numpy arrays where JAX is not set to 64 bits.
-    """
-
-    times: eqx.AbstractVar[Float[Array | np.ndarray, " t"]]
-    surface_temperature: eqx.AbstractVar[Float[Array, "t s"]]
-    surfaces: eqx.AbstractVar[tuple[SolvedSurface, ...]]
-    terms: eqx.AbstractVar[tuple[AbstractTerm, ...]]
-    radiation: eqx.AbstractVar[SceneRadiation]
-    receipt: eqx.AbstractVar[Receipt]
-    probes: eqx.AbstractVar[tuple[Probe, ...]]
-    probe_temperature: eqx.AbstractVar[Float[Array, "t p"] | None]
-    heat_flux: eqx.AbstractVar[Float[Array, "t s"] | None]
-    heat_transfer_coefficient: eqx.AbstractVar[Float[Array, "t s"] | None]
-
-    def of_body(self, index: int) -> Float[Array | np.ndarray, "t _"]:
-        """Return the surface temperatures of one body [K]; none of a body of air."""
-        counts = [len(s.geometry.fragment_area) for s in self.surfaces]
-        start = sum(counts[:index])
-        stop = sum(counts[: index + 1])
-        return self.surface_temperature[:, start:stop]
-
-    def load_time(self, index: int) -> Time | HostTime:
-        """Return the time whose loads the surface shows at a saved time [s]."""
-        # What is switched at the saved time has not acted on the surface yet.
-        return just_before(_row(self.times, index))
-
-    def irradiance(self, index: int) -> Irradiance:
-        """Return the radiation that reaches every fragment at a saved time [W/m^2].
-
-        It is that of the heat balance: H thermal, E of sources.
-        """
-        with precision(self.receipt.dtype):
-            temperature = device_array(_row(self.surface_temperature, index))
-            radiation = self.radiation.at(_row(self.times, index))
-            time = self.load_time(index)
-            if not isinstance(time, HOST):
-                return irradiance_at(radiation, time, temperature)
-            # Late in a run float32 does not tell it from the saved time.
-            start = device_array(split_times(time), temperature.dtype)
-            now = device_array(np.zeros(()), temperature.dtype)
-            return irradiance_at(radiation, now, temperature, start)
-
-    def reflected(self, index: int) -> Float[Array, " s"]:
-        """Return the radiation that every fragment reflects at a saved time [W/m^2].
-
-        (1 - eps) H + (1 - a) E, with the irradiation of the heat balance: H thermal, E
-        of sources.
-        """
-        return self._reflected_parts(index)[0]
-
-    def reflected_sources(self, index: int) -> Float[Array, " s"]:
-        """Return the part (1 - a) E of `reflected` that comes from sources [W/m^2]."""
-        return self._reflected_parts(index)[1]
-
-    def _reflected_parts(self, index: int) -> tuple[Array, Array]:
-        with precision(self.receipt.dtype):
-            return self.irradiance(index).reflected(
-                per_fragment(self.surfaces, "emissivity"),
-                per_fragment(self.surfaces, "absorptivity"),
-            )
-
-
-def _row(values: Float[Array | np.ndarray, "t *_"], index: int) -> Any:
-    """Values of a saved time, on the host if known: indexing there compiles nothing."""
-    return values[index] if is_traced(values) else np.asarray(values)[index]
-
-
-@eqx.filter_jit
-def irradiance_at(
-    radiation: SurfaceRadiation,
-    time: Float[Array, ""],
-    temperature: Float[Array, " s"],
-    start: SplitTimes | None = None,
-) -> Irradiance:
-    """Return the irradiance of surfaces at temperatures [K].
-
-    The time counts from `start`; None for the start of the run.
-    """
-    if start is not None:
-        radiation = over(radiation, Window(start, jnp.zeros_like(time)))
-    return radiation.irradiance(time, temperature)
-
-
-class Solution(AbstractSolution):
+class Solution(AbstractComputedSolution):
     """Surface temperatures over time [K] and the energy ledger [J], from `simulate`."""
 
     times: Float[Array | np.ndarray, " t"]
@@ -223,7 +130,7 @@ class Solution(AbstractSolution):
     unless in the scene's `surface_outputs`."""
 
 
-class SteadySolution(AbstractSolution):
+class SteadySolution(AbstractComputedSolution):
     """Steady surface temperatures [K], and the heat rates [W], from `steady`."""
 
     times: Float[Array, " 1"]
@@ -251,6 +158,8 @@ class SteadySolution(AbstractSolution):
     heat_transfer_coefficient: Float[Array, "1 s"] | None = None
     """h of every fragment, summed over all convection [W/(m^2 K)]; 0 at time 0. None
     unless in the scene's `surface_outputs`."""
+    energy: None = eqx.field(static=True, default=None)
+    """None: bodies in a steady state store no heat."""
 
     @override
     def load_time(self, index: int) -> Float[Array, ""]:

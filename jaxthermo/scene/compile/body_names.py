@@ -9,7 +9,7 @@ from typing import ParamSpec, TypeVar
 from ...errors import InputError
 from ..air import bodies_around_air
 from ..scene import Scene
-from .program import Receipt
+from .receipt_model import Receipt
 
 
 # "bodies 0 and 1" after "body 0" and "bodies[0]", which a name may follow already.

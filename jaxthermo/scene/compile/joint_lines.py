@@ -10,7 +10,7 @@ from ...errors import InputError
 from ...physics.contact.joint import AbstractJoint
 from ..scene import Scene, mechanism_names
 from .contacts import APART
-from .program import Part
+from .receipt_model import Part
 from .snapshots import Snapshot
 
 

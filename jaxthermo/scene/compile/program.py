@@ -2,7 +2,7 @@
 
 import bisect
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -29,6 +29,7 @@ from ..scene import BodyGeometry, Scene, SolvedSurface
 from .bodies import TemperatureBounds
 from .body_program import BodyProgram, SurfaceCoefficients
 from .probes import BodyProbes
+from .receipt_model import Receipt
 from .surface_load import AbstractSurfaceLoad
 
 
@@ -358,63 +359,6 @@ class Program(Module):
             received = self.fine_enclosure.irradiation(time, radiating)
             terms = terms.irradiated(received)
         return terms, joined
-
-
-@dataclass(frozen=True)
-class Omission:
-    """A mechanism that is not in the program."""
-
-    what: str
-    why: str
-
-
-@dataclass(frozen=True)
-class Part:
-    """Part of a body, or of two bodies in contact, that a mechanism acts on."""
-
-    mechanism: str
-    bodies: tuple[int, ...]
-    area: float
-    """At the start [m^2]; 0 for what acts inside."""
-    volume: float
-    """Heated volume [m^3]; 0 for what acts on the surface."""
-    surface_share: float
-    """Fraction of the surface of the first of the bodies [-]."""
-    length: float = 0.0
-    """Length of a seam [m]; otherwise 0."""
-
-
-@dataclass(frozen=True, eq=False)
-class Receipt:
-    """Contents of a compiled scene."""
-
-    included: tuple[str, ...]
-    parts: tuple[Part, ...]
-    left_out: tuple[Omission, ...]
-    notes: tuple[str, ...]
-    """Remarks on the validity of laws: ranges exceeded, uncertain data."""
-    warnings: tuple[str, ...]
-    """Likely mistakes: bodies that overlap."""
-    structures: tuple[str, ...]
-    """Kind and number of nodes of each body, such as "Aggregate x4, 512 nodes"."""
-    nodes: int
-    links: int
-    fragments: int
-    snapshots: int
-    """Number of geometries of moving bodies and sources; 1 if nothing moves."""
-    capacity_ratios: tuple[float, ...]
-    """Heat capacity of each body's nodes over that of the body [-]."""
-    dtype: str
-    memory_bytes: int = 0
-    """Forecast of the peak of the run without its structures, see `forecast_memory`."""
-    body_names: tuple[str, ...] = ()
-    """Name of each body; empty for one without."""
-    searches: tuple[str, ...] = ()
-    """Searches in the geometry that this run made; others were remembered."""
-
-    def as_dict(self) -> dict:
-        """Plain types, for `summary.json`."""
-        return asdict(self)
 
 
 def _static_field(**options: Any) -> Any:

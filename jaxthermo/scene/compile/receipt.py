@@ -20,8 +20,8 @@ from ..air import bodies_around_air, bodies_with_surface
 from ..body_mass import body_mass
 from ..motion import Motion
 from ..scene import AbstractMaterials, Body, Scene, mechanism_names
-from .program import Omission, Part, Receipt
 from .program_builder import Ledger, Volumes
+from .receipt_model import Omission, Part, Receipt
 from .snapshots import Snapshot
 
 

@@ -20,7 +20,7 @@ from ...physics.term import AbstractSurfaceTerm, AbstractTerm
 from ...physics.time_varying import Table, Until
 from ...physics.windows import AbstractVarying, FunctionOfTime
 from ..scene import Scene, mechanism_names
-from .program import Part
+from .receipt_model import Part
 
 
 class MissedIntegral(NamedTuple):

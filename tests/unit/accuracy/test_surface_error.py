@@ -1,5 +1,7 @@
 """The error of a structure: by hand, against a plain loop, and where it is refused."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
-from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.scene.scene import BodyGeometry, SolvedSurface
 from tests.shallow import SHALLOW
 
@@ -68,7 +70,7 @@ def test_the_99th_percentile_goes_by_area():
     def share(area):
         return float(
             jt.surface_error(
-                run([1], [off], area), reference._replace(surfaces=(surface(area),))
+                run([1], [off], area), replace(reference, surfaces=(surface(area),))
             ).worst_p99_percent
         )
 
@@ -118,7 +120,7 @@ def test_it_has_a_derivative_and_the_slope_0_where_nothing_differs():
 
     def worst(t):
         return jt.surface_error(
-            reference._replace(surface_temperature=t), reference
+            replace(reference, surface_temperature=t), reference
         ).worst_rms_percent
 
     same = reference.surface_temperature
@@ -187,6 +189,6 @@ def test_a_reference_that_says_nothing_is_refused():
     start = run([0], [[300, 310]], AREA)
     with pytest.raises(InputError, match="after time 0"):
         jt.surface_error(start, start)
-    two_bodies = start._replace(surfaces=(surface(AREA), surface(AREA)))
+    two_bodies = replace(start, surfaces=(surface(AREA), surface(AREA)))
     with pytest.raises(InputError, match="2 bodies and the reference has 1"):
         jt.surface_error(two_bodies, start)

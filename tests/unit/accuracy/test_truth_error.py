@@ -10,7 +10,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.integrate.run.surface_reading import surface_reading
 from jaxthermo.scene.scene import BodyGeometry, SolvedSurface
 
@@ -221,7 +221,7 @@ def test_several_bodies_count_by_area(box):
 
     reference = run(still, box, small)
     rows = np.concatenate([linear(box.fragment_position), off(small.fragment_position)])
-    solution = reference._replace(surface_temperature=np.tile(rows, (2, 1)))
+    solution = replace(reference, surface_temperature=np.tile(rows, (2, 1)))
     error = jt.truth_error(solution, reference)
     area = [jt.Mesh(body.vertices, body.faces).area for body in (box, small)]
     share = area[1] / sum(area)
@@ -261,7 +261,7 @@ def test_derivatives_reach_both_temperatures(spheres):
 
     def rms(shift):
         return jt.truth_error(
-            solution._replace(surface_temperature=solution.surface_temperature + shift),
+            replace(solution, surface_temperature=solution.surface_temperature + shift),
             reference,
             200,
         ).worst_rms_kelvin
@@ -273,7 +273,7 @@ def test_derivatives_reach_both_temperatures(spheres):
 
     def zero(t):
         return jt.truth_error(
-            reference._replace(surface_temperature=t), reference, 50
+            replace(reference, surface_temperature=t), reference, 50
         ).worst_rms_kelvin
 
     np.testing.assert_array_equal(jax.grad(zero)(jnp.asarray(same)), 0)

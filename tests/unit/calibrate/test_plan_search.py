@@ -16,7 +16,7 @@ from calibrate.plan.tolerance import Tolerance
 from calibrate.plan.trial import Bench, Trial
 from calibrate.study.rows import Rows
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.console.progress import Progress
+from jaxthermo.progress import Progress
 from jaxthermo.timing import Spread
 
 

@@ -20,7 +20,7 @@ from calibrate.report.text_summary import _truth_cost, summary, truth_table
 from calibrate.run import fit_config
 from jaxthermo.config.loader import load_config
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.report.table import Cell
 from jaxthermo.scene.scene import BodyGeometry, SolvedSurface
 from tests.calibrating import FAST, RESULT, SPHERE, errors_of

@@ -4,7 +4,8 @@ import io
 
 from rich.console import Console
 
-from jaxthermo.console.progress import Progress, _SilentProgress, terminal_progress
+from jaxthermo.console.progress import terminal_progress
+from jaxthermo.progress import Progress, _SilentProgress
 
 
 def told(console: Console, interval: float) -> None:

@@ -3,6 +3,7 @@
 import os
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 from bodies import bar
@@ -10,8 +11,8 @@ from bodies import bar
 import jaxthermo as jt
 from jaxthermo.archive import write_archive
 from jaxthermo.image.surface.view import compute_view
-from jaxthermo.integrate.run.save_solution import save_solution
-from jaxthermo.integrate.run.solution_file import FORMAT_VERSION, load_solution
+from jaxthermo.integrate.run.solution_arrays import FORMAT_VERSION
+from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.scene.scene import SURFACE_OUTPUTS
 
 
@@ -53,18 +54,17 @@ def solution(request):
 
 def test_what_is_written_is_read(solution, tmp_path):
     path = tmp_path / "solution.npz"
-    save_solution(path, solution)
+    solution.save(tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["solution.npz"]
     stored = load_solution(path)
     np.testing.assert_array_equal(stored.times, solution.times)
     stored_temperature = stored.surface_temperature
     assert stored_temperature.dtype == solution.surface_temperature.dtype
     np.testing.assert_array_equal(stored_temperature, solution.surface_temperature)
-    assert stored.irradiance is not None
     for k in range(2):
-        pairs = zip(stored.irradiance, solution.irradiance(k), strict=True)
-        for stored_rows, row in pairs:
-            np.testing.assert_array_equal(stored_rows[k], row)
+        pairs = zip(stored.irradiance(k), solution.irradiance(k), strict=True)
+        for stored_row, row in pairs:
+            np.testing.assert_array_equal(stored_row, row)
     assert len(stored.surfaces) == 2
     for stored_surface, surface in zip(stored.surfaces, solution.surfaces, strict=True):
         np.testing.assert_array_equal(stored_surface.emissivity, surface.emissivity)
@@ -77,7 +77,7 @@ def test_what_is_written_is_read(solution, tmp_path):
 
 
 def test_a_camera_sees_the_same(solution, tmp_path):
-    save_solution(tmp_path / "solution.npz", solution)
+    solution.save(tmp_path)
     stored = load_solution(tmp_path / "solution.npz")
     camera = jt.Camera((0.3, -0.4, 0.2), (0.0, 0.0, 0.05), width=40, height=30)
     stored_view = compute_view(stored.surfaces, solution.terms, camera)
@@ -88,15 +88,16 @@ def test_a_camera_sees_the_same(solution, tmp_path):
     np.testing.assert_array_equal(weights[0].data, weights[1].data)
 
 
-def test_the_energies_are_kept_by_name(solution, tmp_path):
-    save_solution(tmp_path / "solution.npz", solution)
-    with np.load(tmp_path / "solution.npz") as arrays:
-        for name, heat in solution.energy.mechanisms.items():
-            np.testing.assert_array_equal(arrays[f"energy_{name}_J"], heat)
-        np.testing.assert_array_equal(arrays["stored_J"], solution.energy.stored_J)
-        np.testing.assert_array_equal(
-            arrays["mean_temperature"], solution.mean_temperature
-        )
+def test_energies_and_probes_are_read_by_name(solution, tmp_path):
+    solution.save(tmp_path)
+    stored = jt.load_run(tmp_path)
+    assert jax.tree.structure(stored.energy) == jax.tree.structure(solution.energy)
+    jax.tree.map(np.testing.assert_array_equal, stored.energy, solution.energy)
+    assert stored.energy is not None
+    assert set(stored.energy.mechanisms) == {"convection", "emission"}
+    assert stored.probes == solution.probes
+    np.testing.assert_array_equal(stored.probe_temperature, solution.probe_temperature)
+    np.testing.assert_array_equal(stored.mean_temperature, solution.mean_temperature)
 
 
 def test_a_missing_file_says_what_makes_it(tmp_path):
@@ -107,7 +108,7 @@ def test_a_missing_file_says_what_makes_it(tmp_path):
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 0.99])
 def test_a_file_cut_short(solution, tmp_path, share):
     path = tmp_path / "solution.npz"
-    save_solution(path, solution)
+    solution.save(tmp_path)
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(jt.InputError, match="run the simulation again") as caught:
@@ -119,7 +120,7 @@ def test_a_file_cut_short(solution, tmp_path, share):
 def stored(solution, tmp_path):
     """A path, and what is stored there, with its format and checksum."""
     path = tmp_path / "solution.npz"
-    save_solution(path, solution)
+    solution.save(tmp_path)
     with np.load(path) as file:
         return path, dict(file)
 
@@ -153,8 +154,10 @@ BAD_ARRAYS = {
     "irradiance": lambda a: a[:, 1:],
     "irradiance_sources": lambda a: a[0],
     "source_spectrum": lambda a: a[1:],
-    "stored_J": lambda a: a[:-1],
-    "energy_convection_J": lambda a: a * np.inf,
+    "energy": lambda a: a[:, 1:],
+    "energy_columns": lambda a: a[:-1],
+    "terms": lambda a: a[1:],
+    "probe_names": lambda a: a[:0],
     "heat_flux": lambda a: a[:, 1:],
     "heat_transfer_coefficient": lambda a: a * np.nan,
     "probe_temperature": lambda a: a[:, :0],

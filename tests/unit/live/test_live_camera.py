@@ -8,8 +8,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.config.loader import load_config
 from jaxthermo.config.types.model import build
-from jaxthermo.integrate.run.save_solution import save_solution
-from jaxthermo.integrate.run.solution_file import load_solution
+from jaxthermo.integrate.run.solution_file import load_run
 from jaxthermo.live.live_camera import LiveCamera
 from jaxthermo.live.playback import Playback
 
@@ -53,9 +52,8 @@ def solution(path):
 
 @pytest.fixture
 def run(solution, path, tmp_path):
-    save_solution(tmp_path / "solution.npz", solution)
-    stored = load_solution(tmp_path / "solution.npz")
-    return Playback(stored, build(load_config(path).terms))
+    solution.save(tmp_path)
+    return Playback(load_run(tmp_path))
 
 
 @pytest.mark.parametrize("band", ["long-wave", "all", "[3 um, 5 um]"])

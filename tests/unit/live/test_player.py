@@ -6,8 +6,8 @@ from scipy.sparse import csr_array
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.save_solution import save_solution
-from jaxthermo.integrate.run.solution_file import load_solution
+from jaxthermo.integrate.run.abstract_solution import StoredSolution
+from jaxthermo.integrate.run.solution_file import load_run
 from jaxthermo.live.playback import Playback
 from jaxthermo.live.player import Player
 from tests.bodies import blocks
@@ -19,14 +19,14 @@ def stored(tmp_path_factory):
     body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], temperature=350.0)
     terms = jt.Sun((-1.0, 0.0, -1.0), 800.0), jt.Surroundings(280.0)
     scene = jt.Scene((body,), terms)
-    path = tmp_path_factory.mktemp("run") / "solution.npz"
-    save_solution(path, jt.simulate(scene, 40.0, [10.0, 20.0, 40.0]))
-    return load_solution(path)
+    folder = tmp_path_factory.mktemp("run")
+    jt.simulate(scene, 40.0, [10.0, 20.0, 40.0]).save(folder)
+    return load_run(folder)
 
 
 @pytest.fixture
 def playback(stored):
-    return Playback(stored, ())
+    return Playback(stored)
 
 
 def test_a_finished_run_is_linear_between_saved_times(playback, stored):
@@ -39,7 +39,7 @@ def test_a_finished_run_is_linear_between_saved_times(playback, stored):
     assert playback.finished
     np.testing.assert_allclose(playback.temperature, rows[2], rtol=1e-7)
     received = playback.irradiance()
-    last = [rows[-1] for rows in stored.irradiance]
+    last = [rows[-1] for rows in stored.irradiances]
     for actual, expected in zip(received, last, strict=True):
         np.testing.assert_allclose(actual, expected, rtol=1e-6)
     playback.reset()
@@ -55,9 +55,10 @@ def test_curves_of_a_finished_run_are_its_saved_times(playback, stored):
 
 
 def test_a_run_with_one_saved_time_is_refused(stored):
-    single = stored._replace(times=stored.times[:1])
+    kelvin = stored.surface_temperature[:1]
+    single = StoredSolution(stored.times[:1], kelvin, stored.surfaces)
     with pytest.raises(InputError, match="saved one time only"):
-        Playback(single, ())
+        Playback(single)
 
 
 def test_playing_follows_the_clock(playback):

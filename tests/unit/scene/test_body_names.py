@@ -12,7 +12,6 @@ from calibrate.problem.parameters import find_path
 from jaxthermo.cli.body_lines import ReceiptRow, body_lines, summed
 from jaxthermo.errors import InputError
 from jaxthermo.image.files.exr import read_exr
-from jaxthermo.integrate.run.save_solution import save_solution
 from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.scene.compile.body_names import (
     grouped_lines,
@@ -58,7 +57,7 @@ def test_receipts_name_bodies(solution):
 
 
 def test_frames_and_files_have_the_names(solution, tmp_path):
-    save_solution(tmp_path / "solution.npz", solution)
+    solution.save(tmp_path)
     stored = load_solution(tmp_path / "solution.npz")
     assert [s.geometry.name for s in stored.surfaces] == ["door.left", ""]
     camera = jt.Camera((0.1, -0.5, 0.0), (0.1, 0.0, 0.0), width=32, height=24)

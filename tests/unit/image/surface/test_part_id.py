@@ -9,7 +9,6 @@ import jaxthermo as jt
 from jaxthermo.image.files.exr import read_exr
 from jaxthermo.image.radiance.image import coarsen
 from jaxthermo.image.surface.view import compute_view
-from jaxthermo.integrate.run.save_solution import save_solution
 from jaxthermo.integrate.run.solution_file import load_solution
 
 
@@ -56,7 +55,7 @@ def test_samples_and_blocks_have_parts_too(knife):
 
 
 def test_files_have_parts_and_names(knife, tmp_path):
-    save_solution(tmp_path / "solution.npz", knife)
+    knife.save(tmp_path)
     surfaces = load_solution(tmp_path / "solution.npz").surfaces
     assert surfaces[1].geometry.part_names == ("blade", "grip")
     view = compute_view(surfaces, (), CAMERA)

@@ -9,7 +9,6 @@ from jaxthermo.image.pose.coverage import coverage
 from jaxthermo.image.radiance.directional import SpecularReflection
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.image.surface.visible import world_meshes
-from jaxthermo.integrate.run.save_solution import save_solution
 from jaxthermo.integrate.run.solution_file import load_solution
 
 
@@ -166,7 +165,7 @@ def test_parts_have_numbers_on_both_sides():
 
 
 def test_a_stored_solution_has_two_sides(wall, tmp_path):
-    save_solution(tmp_path / "solution.npz", wall)
+    wall.save(tmp_path)
     (surface,) = load_solution(tmp_path / "solution.npz").surfaces
     assert surface.geometry.is_two_sided
     assert_allclose(
@@ -208,7 +207,7 @@ def test_a_glossy_room_mirrors_its_walls_and_no_sky(inside, tmp_path):
         dtype="float64",
     )
     solution = jt.simulate(scene, 0.0)
-    save_solution(tmp_path / "solution.npz", solution)
+    solution.save(tmp_path)
     (stored,) = load_solution(tmp_path / "solution.npz").surfaces
     enclosed = stored.geometry.is_enclosed
     assert_array_equal(enclosed, solution.surfaces[0].geometry.is_enclosed)
