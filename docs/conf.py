@@ -32,7 +32,11 @@ myst_heading_anchors = 3
 suppress_warnings = ["myst.header"]
 
 autodoc_inherit_docstrings = False
-autodoc_typehints = "none"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+python_use_unqualified_type_names = True
+# Beyond it each argument has a line of its own.
+maximum_signature_line_length = 88
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False

@@ -1,5 +1,6 @@
 """Markdown of a command reference from the command lines themselves."""
 
+import re
 from importlib import import_module
 from inspect import Parameter, cleandoc
 from typing import Any
@@ -30,7 +31,8 @@ def _command(program: str, name: str, command: App) -> str:
         *(f"| {_names_of(a)} | {_default(a)} | {_help(a)} |" for a in arguments),
     ]
     table = "\n".join(rows) if arguments else ""
-    return f"## `{program} {name}`\n\n```text\n{usage}\n```\n\n{words}\n\n{table}\n"
+    body = f"{_with_code(words)}\n\n{table}\n"
+    return f"## `{program} {name}`\n\n```text\n{usage}\n```\n\n{body}"
 
 
 def _flag(argument: Any) -> bool:
@@ -54,4 +56,10 @@ def _default(argument: Any) -> str:
 
 
 def _help(argument: Any) -> str:
-    return (argument.parameter.help or "").replace("|", r"\|").replace("\n", " ")
+    text = (argument.parameter.help or "").replace("|", r"\|").replace("\n", " ")
+    return _with_code(text)
+
+
+def _with_code(text: str) -> str:
+    """Text with its options as code: two hyphens would become a dash."""
+    return re.sub(r"(?<![\w`-])--[a-z][\w-]*", r"`\g<0>`", text)

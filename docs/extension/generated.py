@@ -2,6 +2,7 @@
 
 import re
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
 from .api_reference import api_reference, literal_equations
@@ -26,15 +27,30 @@ def _fill_page(app: Sphinx, name: str, source: list[str]) -> None:
     source[0] = fill(source[0])
 
 
-def _docstring(app, what, name, thing, options, lines: list[str]) -> None:
-    lines[:] = literal_equations(lines)
+def readable_docstring(what: str, lines: list[str]) -> list[str]:
+    """Lines of a docstring as napoleon takes them for sections and equations."""
+    converted = literal_equations(lines)
     if what in ("attribute", "property", "data"):
-        # Napoleon takes what is before a colon in the first line for a type.
-        lines.insert(0, "")
+        # Napoleon takes what is before a colon in the first line for a type: the first
+        # line is an empty comment.
+        return ["..", "", *converted]
+    return converted
+
+
+def _docstring(app, what, name, thing, options, lines: list[str]) -> None:
+    lines[:] = readable_docstring(what, lines)
+
+
+def _short_types(app: Sphinx, doctree: nodes.document) -> None:
+    """Name the arrays of signatures as users import them."""
+    for text in list(doctree.findall(nodes.Text)):
+        if "jaxlib._jax." in text:
+            text.parent.replace(text, nodes.Text(text.replace("jaxlib._jax.", "")))
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("source-read", _fill_page)
     # Before napoleon, which rewrites the sections.
     app.connect("autodoc-process-docstring", _docstring, priority=100)
+    app.connect("doctree-read", _short_types)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,7 +1,10 @@
 """References that the site generates: nothing in them is left without a meaning."""
 
+import ast
 import json
 import re
+from inspect import cleandoc
+from itertools import pairwise
 
 import pytest
 from doc_pages import DOCS, PROGRAMS, ROOT
@@ -18,6 +21,44 @@ def test_every_argument_of_a_command_has_a_meaning(program):
     assert rows and all(row[-1].strip(" |") for row in rows)
     # Not the docstring as it is written.
     assert "Args:" not in text and "inspect" not in text
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_options_in_the_words_of_a_command_are_code(program):
+    text = command_reference(program)
+    without_code = re.sub(r"`[^`]*`", "", text)
+    assert "`--" in text
+    # Two hyphens of plain text become a dash.
+    assert not re.findall(r"--[a-z]\S*", without_code)
+
+
+def field_docstrings() -> list[tuple[str, str]]:
+    """Name and docstring of each field of the package."""
+    pairs = []
+    for path in sorted((ROOT / "jaxthermo").rglob("*.py")):
+        for parent in ast.walk(ast.parse(path.read_text())):
+            if isinstance(parent, ast.ClassDef):
+                pairs += [
+                    (f"{parent.name}.{ast.unparse(field.target)}", text.value.value)
+                    for field, text in pairwise(parent.body)
+                    if isinstance(field, ast.AnnAssign)
+                    and isinstance(text, ast.Expr)
+                    and isinstance(text.value, ast.Constant)
+                ]
+    return pairs
+
+
+def test_no_docstring_of_a_field_is_split_at_a_colon():
+    napoleon = pytest.importorskip("sphinx.ext.napoleon", reason="the site needs it")
+    from docs.extension.generated import readable_docstring
+
+    pairs = field_docstrings()
+    assert sum(": " in text for _, text in pairs) > 20
+    for name, text in pairs:
+        lines = readable_docstring("attribute", cleandoc(text).splitlines())
+        converted = napoleon.GoogleDocstring(lines, what="attribute", name=name)
+        assert ":type:" not in str(converted), name
+        assert str(converted).endswith(lines[-1])
 
 
 def test_every_exported_name_is_on_one_page():
