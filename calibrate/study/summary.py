@@ -8,6 +8,7 @@ from jaxthermo.atomic import write_json
 from jaxthermo.config.loader import resolved, to_yaml
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report import page
+from jaxthermo.report.chart import chart_svg
 from jaxthermo.report.numbers import seconds
 from jaxthermo.report.table import Cell, Table
 from jaxthermo.timing import Spread
@@ -15,6 +16,8 @@ from jaxthermo.timing import Spread
 from ..problem.reference import program_hash
 from .case import Case
 from .config import OptunaSampling, RandomSampling, SobolSampling, SweepConfig
+from .front import Cost, points_of
+from .front_charts import error_against, numbered, tooltips
 from .rows import Row
 from .sweep import Sweep, worst_percent
 from .tuning import Tuning, sections as tuning_sections
@@ -239,6 +242,32 @@ def about_reference(cases: Sequence[Case]) -> list[str]:
     ]
 
 
+def _charts(sweep: Sweep) -> list[page.Section]:
+    """Error against run time and nodes, with the differences of each choice."""
+    finished = [row for row in sweep.rows.values() if "failed" not in row]
+    loads = {load.name for load in sweep.config.loads}
+    points = points_of(finished, sweep.times.values(), loads)
+    costs: tuple[Cost, ...] = ("time_s", "nodes")
+    drawn = [
+        error_against(cost, points)
+        for cost in costs
+        if len({point.cost(cost) for point in points}) > 1
+    ]
+    charts = [numbered(chart_svg(chart), points) for chart in drawn if chart]
+    if not charts:
+        return []
+    words = (
+        "A step joins the choices that no other one beats in both error and cost. A "
+        "point tells its choice, and shows where it differs from the reference."
+    )
+    return [
+        page.heading("Error against cost"),
+        words,
+        *charts,
+        tooltips(points, sweep.folder),
+    ]
+
+
 def _seed(config: SweepConfig) -> int | None:
     match config.sampling:
         case RandomSampling() | SobolSampling() | OptunaSampling() as drawn:
@@ -263,6 +292,7 @@ def _write_page(sweep: Sweep, result: _SweepResult) -> None:
         sections.append(f"The reference itself is off by about {largest:.3g} K.")
     if "fit" in result:
         sections += tuning_sections(sweep, result["fit"])
+    sections += _charts(sweep)
     sections += [page.heading("Choices"), table(sweep)]
     sections += goals_table(config, result["choices"])
     if sweep.times:

@@ -11,13 +11,13 @@ import jax.numpy as jnp
 from calibrate.study.case import Case, build_case, loop_size, plan_case
 from calibrate.study.front import Measure, Point, fastest_within, front
 from calibrate.study.times import compiled_loop
+from calibrate.study.wording import ratio_text
 from jaxthermo.arrays import precision
 from jaxthermo.reduction.reduced_model import ReducedModel, load_reduced
 from jaxthermo.report.numbers import significant
 from jaxthermo.timing import Spans, Spread, interleaved, ratio_of, timed_call
 
 from .rivals import TWELVE_STEPS, Rivals
-from .wording import ratio_text
 
 
 Call = Callable[[], Any]

@@ -15,6 +15,8 @@ from typing import TypedDict
 from urllib.parse import quote
 
 from calibrate.study.front import MEASURES, Cost, Measure, Point, front
+from calibrate.study.front_charts import Marks, error_against, numbered, tooltips
+from calibrate.study.wording import error_text, ratio_text, sentence, time_text
 from jaxthermo.atomic import replacing
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.report import page
@@ -25,10 +27,8 @@ from jaxthermo.timing import Spread
 
 from ..harness.measurement import spread_columns
 from ..thesis.table_6_1 import FULL, KINDS, TABLE_TIMES
-from .charts import Marks, error_against, numbered, tooltips
 from .comparisons import Comparison, PlainComparison
 from .rivals import SweepFolder
-from .wording import error_text, ratio_text, sentence, time_text
 
 
 _DEFINITIONS = [
@@ -130,12 +130,6 @@ class Findings:
 def write_report(findings: Findings, out: Path) -> list[str]:
     """Write page, charts and table into a folder; return the names of the files."""
     all_points = [*findings.points, *findings.rivals]
-    texts = list(dict.fromkeys(sentence(p) for p in all_points))
-    pictures = {}
-    for point in all_points:
-        picture = findings.folder.picture(point.picture)
-        if picture is not None:
-            pictures[sentence(point)] = picture
     files: list[str] = []
 
     def chart(
@@ -152,7 +146,7 @@ def write_report(findings: Findings, out: Path) -> list[str]:
         if drawn is None:
             return []
         files.extend([f"{name}.svg", f"{name}.png"])
-        return [numbered(write_chart(drawn, out / name), texts)]
+        return [numbered(write_chart(drawn, out / name), all_points)]
 
     sections: list[page.Section] = [*findings.about]
     if findings.processors:
@@ -183,7 +177,7 @@ def write_report(findings: Findings, out: Path) -> list[str]:
         )
     sections += _thesis_table(findings.points)
     sections += _all_sections(findings)
-    sections.append(tooltips(texts, pictures))
+    sections.append(tooltips(all_points, findings.folder.path))
     page.write_page(out / "report.html", findings.title, sections)
     _write_csv(out / "front.csv", findings)
     return [*files, "front.csv", "report.html"]

@@ -5,7 +5,6 @@ against the same reference, at the same points, is just not larger than e. Rows 
 rivals are in the sweep's folder, which is read here too.
 """
 
-import base64
 import importlib
 import statistics
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -348,12 +347,6 @@ class SweepFolder(NamedTuple):
     failed: list[Row]
     times: list[Row]
     rivals: list[Row]
-
-    def picture(self, name: str | None) -> str | None:
-        """A picture of a row as base64; None without one."""
-        if name is None or not (self.path / name).is_file():
-            return None
-        return base64.b64encode((self.path / name).read_bytes()).decode("ascii")
 
 
 def read_folder(path: Path) -> SweepFolder:

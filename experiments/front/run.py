@@ -17,6 +17,7 @@ from calibrate.study.front import Point, front, points_of, rivals_of
 from calibrate.study.points import Choice, cases_of
 from calibrate.study.summary import about_reference
 from calibrate.study.sweep import Options
+from calibrate.study.wording import sentence, structure_words
 from jaxthermo.config.loader import resolved
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
@@ -32,7 +33,6 @@ from .comparisons import (
 )
 from .report import Findings, FrontResult, plain_spread, write_contents, write_report
 from .rivals import Rivals, SweepFolder, read_folder
-from .wording import sentence, structure_words
 
 
 TOLERANCES = (1.0, 3.0)

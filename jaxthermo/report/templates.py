@@ -7,34 +7,42 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 
 
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #20242c; margin: 2rem auto;
-  max-width: 1240px; padding: 0 1.2rem; background: #fff; }
+:root { color-scheme: light dark; --ink: #20242c; --page: #fff; --muted: #5a606c;
+  --line: #e2e5ea; --rule: #c8ccd4; --panel: #f4f5f7; --link: #1a5fb4;
+  --met: #1b7a4a; --missed: #b3261e; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #dfe2e8; --page: #16181d; --muted: #9aa1ae; --line: #2d313a;
+    --rule: #454b57; --panel: #20232a; --link: #7db4ff; --met: #5cc48d;
+    --missed: #ff8a80; }
+}
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); margin: 2rem auto;
+  max-width: 1240px; padding: 0 1.2rem; background: var(--page); }
 h1 { font-size: 1.6rem; margin-bottom: .3rem; } h2 { margin-top: 2.6rem; }
-p, li { max-width: 60rem; } .note { color: #5a606c; }
+p, li { max-width: 60rem; } .note { color: var(--muted); }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums;
   font-size: 13px; margin: 1rem 0; }
 th, td { padding: .28rem .6rem; text-align: right; white-space: nowrap;
-  border-bottom: 1px solid #e2e5ea; }
-th { font-weight: 600; border-bottom: 2px solid #c8ccd4; vertical-align: bottom; }
+  border-bottom: 1px solid var(--line); }
+th { font-weight: 600; border-bottom: 2px solid var(--rule); vertical-align: bottom; }
 td.left, th.left { text-align: left; }
 td.words { white-space: normal; text-align: left; min-width: 14rem; }
-td.heading { font-weight: 600; background: #f4f5f7; padding-top: .7rem; }
+td.heading { font-weight: 600; background: var(--panel); padding-top: .7rem; }
 .wide { overflow-x: auto; }
-.met { color: #1b7a4a; } .missed { color: #b3261e; font-weight: 600; }
+.met { color: var(--met); } .missed { color: var(--missed); font-weight: 600; }
 img, svg { max-width: 100%; height: auto; display: block; margin: 1rem 0; }
-pre { background: #f4f5f7; padding: 1rem; overflow-x: auto; font-size: 12px; }
+pre { background: var(--panel); padding: 1rem; overflow-x: auto; font-size: 12px; }
 summary { cursor: pointer; margin: 1rem 0; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem;
-  max-width: 60rem; font-size: 14px; color: #5a606c; }
+  max-width: 60rem; font-size: 14px; color: var(--muted); }
 dt { font-weight: 600; } dd { margin: 0; }
 .cards { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fill,
   minmax(24rem, 1fr)); }
-.card { border: 1px solid #e2e5ea; border-radius: 6px; padding: .8rem 1rem;
+.card { border: 1px solid var(--line); border-radius: 6px; padding: .8rem 1rem;
   display: flex; gap: 1rem; min-width: 0; }
 .card img { width: 112px; margin: 0; align-self: flex-start; border-radius: 3px; }
 .card div { min-width: 0; } .card h3 { margin: 0; font-size: 1rem; }
 .card p { margin: .25rem 0 0; font-size: 13px; overflow-wrap: anywhere; }
-a { color: #1a5fb4; } code { font-size: .92em; background: #f4f5f7; }
+a { color: var(--link); } code { font-size: .92em; background: var(--panel); }
 """
 
 _TEMPLATES = {

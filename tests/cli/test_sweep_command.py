@@ -1,6 +1,7 @@
 """`experiments sweep`: rows, results, resuming, and mistakes in one line."""
 
 import json
+import re
 import time
 from pathlib import Path
 
@@ -75,7 +76,11 @@ def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
     assert first["rms_percent"] == max(r["error"]["worst_rms_percent"] for r in loads)
     assert first["loop_s"] > 0 and result["processor"]
     text = (alone / "report.html").read_text()
-    assert "within" in text and "http://" not in text and "https://" not in text
+    assert "within" in text and not re.search(r"(src|href)=.(?!data:)|url\(", text)
+    # A point of each choice, which tells its error and shows its picture.
+    assert text.count('data-tip="') == 3
+    (table,) = map(json.loads, re.findall(r"const tips = (.*);\n", text))
+    assert all(" % (" in words and picture for words, picture in table)
     assert not [name for name in files(alone) if "tmp" in name]
 
 

@@ -15,7 +15,7 @@ from calibrate.study.front import (
 )
 from experiments.front.comparisons import pairs
 from experiments.front.rivals import TWELVE_STEPS
-from experiments.front.wording import sentence, structure_words
+from calibrate.study.wording import sentence, structure_words
 from jaxthermo.timing import Spread
 from tests.front_rows import error, row, time
 

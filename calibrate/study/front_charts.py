@@ -4,20 +4,22 @@ In a page their points have tooltips with pictures, by a small script without ne
 requests.
 """
 
+import base64
 import html
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import cycle
+from pathlib import Path
 from typing import TypedDict
 
 import altair as alt
 
-from calibrate.study.front import Cost, Measure, Point, front
 from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
 from jaxthermo.report.templates import Html
 
+from .front import Cost, Measure, Point, front
 from .wording import sentence
 
 
@@ -167,7 +169,9 @@ def _colour(points: Sequence[Point], best: Sequence[Point]) -> alt.Color:
     hues = dict(zip(labels, cycle(_HUES), strict=False))
     on_front = list(dict.fromkeys(map(_label, best)))
     scale = alt.Scale(domain=on_front, range=[hues[label] for label in on_front])
-    return alt.Color("label:N", scale=scale, sort=None, legend=legend("on the front"))
+    axis = next(iter(points[0].choice), "").replace("_", " ")
+    title = f"{axis}, on the front" if axis else "on the front"
+    return alt.Color("label:N", scale=scale, sort=None, legend=legend(title))
 
 
 def _shape(rivals: Sequence[Point]) -> alt.Shape:
@@ -196,7 +200,8 @@ _MARK = re.compile(
 
 _STYLE = """<style>
 #tip { position: absolute; display: none; z-index: 9; max-width: 26rem;
-  background: #fff; border: 1px solid #c8ccd4; border-radius: 4px; padding: .5rem .7rem;
+  background: var(--page); border: 1px solid var(--rule); border-radius: 4px;
+  padding: .5rem .7rem;
   box-shadow: 0 2px 10px rgba(20, 23, 29, .18); font-size: 13px; pointer-events: none; }
 #tip img { margin: .3rem 0 0; }
 [data-tip] { cursor: pointer; }
@@ -228,12 +233,12 @@ for (const mark of document.querySelectorAll("[data-tip]")) {
 </script>"""
 
 
-def numbered(chart: Html, texts: Sequence[str]) -> Html:
-    """Chart whose marks with one of the texts have the number of its tooltip.
+def numbered(chart: Html, points: Sequence[Point]) -> Html:
+    """Chart whose marks of the points have the numbers of their tooltips.
 
     Without the script the browser shows the text alone.
     """
-    number = {text: n for n, text in enumerate(texts)}
+    number = {text: n for n, text in enumerate(_pictures_by_text(points))}
 
     def marked(path: re.Match[str]) -> str:
         tip = number.get(html.unescape(path[2]))
@@ -244,8 +249,25 @@ def numbered(chart: Html, texts: Sequence[str]) -> Html:
     return Html(_MARK.sub(marked, chart))
 
 
-def tooltips(texts: Sequence[str], pictures: Mapping[str, str]) -> Html:
-    """Style, texts, pictures (base64 of PNG, by text) and script of all tooltips."""
-    table = json.dumps([[text, pictures.get(text)] for text in texts])
+def tooltips(points: Sequence[Point], folder: Path) -> Html:
+    """Style, texts, pictures of the sweep's folder, and script of all tooltips."""
+    table = json.dumps(
+        [
+            [text, _embedded_picture(folder, name)]
+            for text, name in _pictures_by_text(points).items()
+        ]
+    )
     # "</" would end the script inside a text.
     return Html(_STYLE + _SCRIPT.replace("TABLE", table.replace("</", "<\\/")))
+
+
+def _pictures_by_text(points: Sequence[Point]) -> dict[str, str | None]:
+    """File of the picture by text of the tooltip; of equal texts the last one."""
+    return {sentence(point): point.picture for point in points}
+
+
+def _embedded_picture(folder: Path, name: str | None) -> str | None:
+    """A picture of a row as base64; None without one."""
+    if name is None or not (folder / name).is_file():
+        return None
+    return base64.b64encode((folder / name).read_bytes()).decode("ascii")

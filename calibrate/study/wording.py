@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from calibrate.study.front import Point
 from jaxthermo.report.numbers import (
     seconds,
     seconds_with_range,
@@ -11,6 +10,8 @@ from jaxthermo.report.numbers import (
     with_range,
 )
 from jaxthermo.timing import Spread
+
+from .front import Point
 
 
 def ratio_text(ratio: Spread | None) -> str:
