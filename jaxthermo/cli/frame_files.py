@@ -14,7 +14,7 @@ from ..config.types.model import build
 from ..image.colour.annotate import write_png
 from ..image.colour.draw_measurements import draw_marks, draw_measurements, measure
 from ..image.colour.frame_values import covered_fraction, shown_temperature
-from ..image.colour.picture import coloured, picture
+from ..image.colour.picture import beyond_scale, coloured, picture
 from ..image.colour.ticks import end_decimals
 from ..image.detector.gain import Gain, plateau_gain
 from ..image.files.exr import write_exr
@@ -129,6 +129,12 @@ class Frame(NamedTuple):
             quantity=self.config.image.quantity,
         )
         return np.asarray(drawn)
+
+    @property
+    def beyond(self) -> tuple[bool, bool]:
+        """Whether bodies in the frame are colder and warmer than the scale."""
+        quantity = self.config.image.quantity
+        return beyond_scale(self.fine, *self.scale, quantity, self.samples)
 
     @property
     def _gain(self) -> Gain | None:

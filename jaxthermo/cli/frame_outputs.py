@@ -152,6 +152,8 @@ def write_outputs(
         contact_sheet = tile_sheet(
             written.tiles,
             times=sheet_times,
+            total=len(times),
+            beyond=written.beyond,
             low=low,
             high=high,
             palette=settings.palette,
@@ -181,6 +183,8 @@ class _WrittenFrames:
     tiles: list[np.ndarray] = field(default_factory=list)
     readings: list[dict[str, Reading]] = field(default_factory=list)
     scale: tuple[float, float] = (0.0, 0.0)
+    beyond: tuple[bool, bool] = (False, False)
+    """Flags of temperatures below and above the scale on the contact sheet."""
     saturated: int = 0
 
     def pictures(
@@ -197,6 +201,8 @@ class _WrittenFrames:
                 self.saturated += frame.saturated
                 if k in self.on_sheet:
                     self.tiles.append(frame.tile())
+                    below, above = frame.beyond
+                    self.beyond = (self.beyond[0] or below, self.beyond[1] or above)
                 if drawn is not None:
                     yield drawn
                 if len(pending) == _WRITERS:

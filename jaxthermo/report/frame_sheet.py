@@ -9,7 +9,7 @@ from PIL.Image import Image as Picture
 
 from ..errors import InputError
 from ..image.colour.frame_values import QUANTITIES
-from ..image.colour.picture import coloured
+from ..image.colour.picture import beyond_scale, coloured
 from ..image.colour.ticks import time_label, to_celsius
 from ..image.radiance.image import Image
 from .sheet import Tile, colour_bar, even_columns, sheet
@@ -42,7 +42,8 @@ def frame_sheet(
 ) -> Picture:
     """Arrange frames on one sheet with their times and their common scale.
 
-    Of more than 48 frames, evenly spaced ones of the list are shown.
+    Of more than 48 frames, evenly spaced ones of the list are shown, and the sheet says
+    so. The scale has a pointed end where temperatures in these frames lie beyond it.
 
     Args:
         images: the frames, of one size.
@@ -69,9 +70,15 @@ def frame_sheet(
         for image in shown_frames
     ]
     times = [float(image.time) for image in shown_frames]
+    below, above = zip(
+        *(beyond_scale(image, low, high, quantity) for image in shown_frames),
+        strict=True,
+    )
     return tile_sheet(
         tiles,
         times=times,
+        total=len(frames),
+        beyond=(any(below), any(above)),
         low=low,
         high=high,
         palette=palette,
@@ -83,6 +90,8 @@ def frame_sheet(
 def tile_sheet(
     tiles: Sequence[UInt8[np.ndarray, "h w 3"]],
     times: Sequence[float],
+    total: int,
+    beyond: tuple[bool, bool],
     low: float,
     high: float,
     palette: str,
@@ -94,6 +103,8 @@ def tile_sheet(
     Args:
         tiles: frames of one size, as from `coloured`.
         times: of the frames [s].
+        total: number of all frames, of which these are some.
+        beyond: flags of temperatures below `low` and above `high` in the frames.
         low: temperature of the coldest colour [K].
         high: temperature of the hottest colour [K].
         palette: name of the palette.
@@ -108,7 +119,10 @@ def tile_sheet(
         for tile, time in zip(tiles, times, strict=True)
     ]
     words = f"{QUANTITIES[quantity]} [\N{DEGREE SIGN}C]"
-    bar = colour_bar(to_celsius(low), to_celsius(high), words, palette)
+    bar = colour_bar(to_celsius(low), to_celsius(high), words, palette, beyond)
+    if len(tiles) < total:
+        subset = f"{len(tiles)} of {total} frames"
+        title = f"{title}: {subset}" if title else subset
     return sheet(labelled, bar=bar, title=title, columns=columns)
 
 

@@ -36,6 +36,8 @@ class ColourBar:
     ticks: tuple[tuple[float, str], ...]
     """Position along the bar (0 to 1) and label of each tick."""
     title: str
+    beyond: tuple[bool, bool] = (False, False)
+    """True for an end that values go beyond: it is pointed."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,16 @@ class Legend:
     title: str = ""
 
 
-def colour_bar(low: float, high: float, title: str, palette: str = "iron") -> ColourBar:
+def colour_bar(
+    low: float,
+    high: float,
+    title: str,
+    palette: str = "iron",
+    beyond: tuple[bool, bool] = (False, False),
+) -> ColourBar:
     """The scale of a palette with round numbers between its ends."""
-    return ColourBar(palette_table(palette), scale_ticks(low, high), title)
+    colours = palette_table(palette)
+    return ColourBar(colours, scale_ticks(low, high), title, beyond=beyond)
 
 
 def even_columns(count: int, tall: float, ratio: float) -> int:
@@ -166,6 +175,16 @@ def _draw_bar(picture: Image.Image, bar: ColourBar, top: int, text: int) -> None
     bottom = y + height
     frame = (left - 1, y - 1, left + width, bottom)
     draw.rectangle(frame, outline=FRAME)
+    tips = (
+        (left - 2, left - 2 - height),
+        (left + width + 1, left + width + 1 + height),
+    )
+    for is_beyond, (base, apex), colour in zip(
+        bar.beyond, tips, bar.colours[[0, -1]].tolist(), strict=True
+    ):
+        if is_beyond:
+            corners = [(base, y), (base, bottom - 1), (apex, y + height // 2)]
+            draw.polygon(corners, fill=tuple(colour), outline=FAINT)
     for position, tick_label in bar.ticks:
         x = left + position * (width - 1)
         tick_end = bottom + text // 2

@@ -114,9 +114,6 @@ def picture(
         samples=samples,
         gain=gain,
     )
-    if samples == 1:
-        # A coarsened pixel on the silhouette mixes the body with the background.
-        drawn = _without_silhouette(drawn)
     return annotate(
         colours,
         low=low,
@@ -125,12 +122,35 @@ def picture(
         time=float(image.time),
         title=title,
         quantity=quantity,
-        beyond=_beyond(kelvin[drawn], float(low), float(high)),
+        beyond=_beyond(
+            kelvin, on_body=drawn, ends=(float(low), float(high)), samples=samples
+        ),
         gain=gain,
     )
 
 
-def _beyond(seen: Float[np.ndarray, " n"], low: float, high: float):
+def beyond_scale(
+    image: Image, low: float, high: float, quantity: str = "apparent", samples: int = 1
+) -> tuple[bool, bool]:
+    """Whether bodies in a frame are colder and warmer than a scale.
+
+    Arguments as of `picture`.
+    """
+    kelvin, on_body = _seen(image, quantity)
+    return _beyond(kelvin, on_body=on_body, ends=(low, high), samples=samples)
+
+
+def _beyond(
+    kelvin: Float[np.ndarray, "H W"],
+    on_body: Bool[np.ndarray, "H W"],
+    ends: tuple[float, float],
+    samples: int,
+) -> tuple[bool, bool]:
+    if samples == 1:
+        # A coarsened pixel on the silhouette mixes the body with the background.
+        on_body = _without_silhouette(on_body)
+    seen = kelvin[on_body]
+    low, high = ends
     # By more than half a colour, up to which the end's own colour is right.
     step = (high - low) / (2 * (ENTRIES - 1))
     return bool((seen < low - step).any()), bool((seen > high + step).any())

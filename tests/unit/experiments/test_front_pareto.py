@@ -13,9 +13,9 @@ from calibrate.study.front import (
     points_of,
     rivals_of,
 )
+from calibrate.study.wording import sentence, structure_words
 from experiments.front.comparisons import pairs
 from experiments.front.rivals import TWELVE_STEPS
-from calibrate.study.wording import sentence, structure_words
 from jaxthermo.timing import Spread
 from tests.front_rows import error, row, time
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from calibrate.study.front import points_of, rivals_of
-from calibrate.study.rows import append_rows
 from calibrate.study.front_charts import error_against
+from calibrate.study.rows import append_rows
 from experiments.front.report import Findings, write_report
 from experiments.front.rivals import read_folder
 from jaxthermo.errors import InputError

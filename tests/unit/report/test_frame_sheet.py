@@ -49,6 +49,29 @@ def test_many_frames_are_thinned_out_and_large_ones_shrunk():
         assert max(sheet.size) < 1.15 * _MAX_SHEET
 
 
+def test_a_scale_is_pointed_where_temperatures_are_beyond_it():
+    bars = [
+        np.asarray(jt.frame_sheet(frames(5), low, high))[-66:]
+        for low, high in ((290.0, 330.0), (300.0, 330.0), (290.0, 320.0))
+    ]
+    for end, pointed in ((0, bars[1]), (-1, bars[2])):
+        is_end = [(bar == palette_table("iron")[end]).all(axis=-1) for bar in bars]
+        points = (pointed == palette_table("iron")[end]).all(axis=-1).sum()
+        assert points > min(map(np.count_nonzero, is_end)) + 20
+
+
+def test_a_sheet_of_some_frames_says_so():
+    small = {"height": 6, "width": 8}
+    heads = [
+        np.asarray(jt.frame_sheet(frames(count, **small), 290.0, 330.0))[:30]
+        for count in (_MAX_TILES, _MAX_TILES + 1)
+    ]
+    assert [len(np.unique(head.reshape(-1, 3), axis=0)) > 1 for head in heads] == [
+        False,
+        True,
+    ]
+
+
 def test_a_scale_of_one_temperature():
     jt.frame_sheet(frames(1), 300.0, 300.0, "lava")
 
