@@ -1,4 +1,4 @@
-"""Picture of the live view, `live.png`: needs Chromium and playwright.
+"""Picture of the live view, `live.webp`: needs Chromium and playwright.
 
 `jaxthermo view` runs the figurine for a while; a click sets a probe on its robe.
 """
@@ -42,6 +42,10 @@ def _screenshot(address: str, path: Path) -> None:
         page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         page.locator(".uplot canvas").first.wait_for(timeout=60_000)
         page.wait_for_timeout(_WAIT_MS)
+        # The browser's remark that it draws without a graphics processor.
+        for notice in page.locator(".mantine-Notification-closeButton").all():
+            notice.click()
+        page.locator(".mantine-Notification-root").first.wait_for(state="detached")
         page.screenshot(path=path)
         browser.close()
 

@@ -1,8 +1,8 @@
 """Pictures of the site: `make pictures`, or `python docs/make_pictures.py NAME ...`.
 
 Those of the stages are of the built-in figurine, those of the gallery contact sheets of
-shipped scenes; each is reduced to at most 150 kB. `live.png`
-is taken by `docs/make_live_picture.py`, which needs a browser.
+shipped scenes; each is reduced to at most 150 kB. `live.webp` is taken by
+`docs/make_live_picture.py`, which needs a browser.
 """
 
 import subprocess
@@ -39,37 +39,35 @@ _INK = (60, 60, 60)
 
 
 def write_small(name: str, image: Image.Image) -> None:
-    """Write a PNG of at most `MAX_WIDTH` pixels across and `MAX_BYTES`.
+    """Write a WebP of at most `MAX_WIDTH` pixels across and `MAX_BYTES`.
 
-    An image of several frames becomes an animated one, all frames in the same colours.
+    It is in full colour: without loss where that fits, else of the best quality that
+    does. An image of several frames becomes an animated one.
     """
-    if getattr(image, "n_frames", 1) > 1:
-        _write_small_animation(name, image)
-        return
-    image = image.convert("RGB")
-    if image.width > MAX_WIDTH:
-        height = round(image.height * MAX_WIDTH / image.width)
-        image = image.resize((MAX_WIDTH, height), Image.Resampling.LANCZOS)
-    path = PICTURES / f"{name}.png"
-    for colours in (256, 128, 64, 32):
-        # Without dithering, which would be noise to the compression.
-        few = image.quantize(colours, dither=Image.Dither.NONE)
-        few.save(path, optimize=True)
+    path = PICTURES / f"{name}.webp"
+    frames = [_not_too_wide(frame) for frame in ImageSequence.Iterator(image)]
+    ways = [{"lossless": True}, *({"quality": q} for q in (95, 90, 85, 80))]
+    for way in ways:
+        frames[0].save(
+            path,
+            method=6,
+            save_all=len(frames) > 1,
+            append_images=frames[1:],
+            duration=500,
+            loop=0,
+            **way,
+        )
         if path.stat().st_size <= MAX_BYTES:
             return
     raise SystemExit(f"{name}: more than {MAX_BYTES} bytes: draw it smaller")
 
 
-def _write_small_animation(name: str, animation: Image.Image) -> None:
-    frames = [frame.convert("RGB") for frame in ImageSequence.Iterator(animation)]
-    path = PICTURES / f"{name}.png"
-    for colours in (128, 64, 32, 16):
-        palette = contact_sheet(frames, columns=1).quantize(colours)
-        few = [f.quantize(palette=palette, dither=Image.Dither.NONE) for f in frames]
-        few[0].save(path, save_all=True, append_images=few[1:], duration=500, loop=0)
-        if path.stat().st_size <= MAX_BYTES:
-            return
-    raise SystemExit(f"{name}: more than {MAX_BYTES} bytes: draw it smaller")
+def _not_too_wide(frame: Image.Image) -> Image.Image:
+    frame = frame.convert("RGB")
+    if frame.width <= MAX_WIDTH:
+        return frame
+    height = round(frame.height * MAX_WIDTH / frame.width)
+    return frame.resize((MAX_WIDTH, height), Image.Resampling.LANCZOS)
 
 
 def _trimmed(image: Image.Image, margin: int = 12) -> Image.Image:
@@ -368,7 +366,7 @@ def main(names: list[str]) -> None:
     """Draw the named pictures, or all."""
     for name in names or MAKERS:
         write_small(name, MAKERS[name]())
-        size = (PICTURES / f"{name}.png").stat().st_size
+        size = (PICTURES / f"{name}.webp").stat().st_size
         sys.stdout.write(f"{name}: {size / 1000:.0f} kB\n")
 
 

@@ -16,10 +16,10 @@ def test_python_of_a_page_can_be_parsed(page):
 
 
 def test_pictures_are_there_and_small():
-    sizes = {p.name: p.stat().st_size for p in (DOCS / "pictures").glob("*.png")}
+    sizes = {p.name: p.stat().st_size for p in (DOCS / "pictures").glob("*.webp")}
     assert max(sizes.values()) <= 150_000 and sum(sizes.values()) <= 2_000_000
     text = "".join(page.read_text() for page in PAGES)
-    assert set(re.findall(r"pictures/(\w+\.png)", text)) == set(sizes)
+    assert set(re.findall(r"pictures/(\w+\.webp)", text)) == set(sizes)
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_pictures_are_there_and_small():
 )
 def test_a_stage_has_its_picture_and_equations(page):
     text = page.read_text()
-    assert f"pictures/{page.stem}.png" in text and "$$" in text
+    assert f"pictures/{page.stem}.webp" in text and "$$" in text
 
 
 def test_every_limit_and_decision_has_a_tag():
