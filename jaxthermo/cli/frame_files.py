@@ -132,7 +132,7 @@ class Frame(NamedTuple):
 
     @property
     def beyond(self) -> tuple[bool, bool]:
-        """Whether bodies in the frame are colder and warmer than the scale."""
+        """Flags of bodies in the frame that are colder and warmer than the scale."""
         quantity = self.config.image.quantity
         return beyond_scale(self.fine, *self.scale, quantity, self.samples)
 

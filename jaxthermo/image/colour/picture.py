@@ -132,7 +132,7 @@ def picture(
 def beyond_scale(
     image: Image, low: float, high: float, quantity: str = "apparent", samples: int = 1
 ) -> tuple[bool, bool]:
-    """Whether bodies in a frame are colder and warmer than a scale.
+    """Flags of bodies in a frame that are colder and warmer than a scale.
 
     Arguments as of `picture`.
     """
