@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from .fragments import FragmentChunk, fragment_chunks
+from .fragments import FragmentChunk, SomePixels, fragment_chunks
 
 
 class _NearestHits(NamedTuple):
@@ -50,47 +50,66 @@ def nearest_hits(
 
 
 def depth_range(
-    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
-) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
-    """Nearest and farthest depth of triangles given as (column, row, depth).
+    triangles: Float[np.ndarray, "f 3 3"],
+    row: Int[np.ndarray, " p"],
+    column: Int[np.ndarray, " p"],
+    width: int,
+    height: int,
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """Nearest and farthest depth in some pixels of triangles (column, row, depth).
 
-    Empty pixels have the depths inf and -inf.
+    Those of empty pixels are inf and -inf.
 
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    nearest, negative = np.full((2, width * height), np.inf)
-    for chunk in _triangle_chunks(triangles, width, height):
-        _draw(nearest, chunk.pixel, chunk.depth)
-        _draw(negative, chunk.pixel, -chunk.depth)
-    farthest = -negative
-    return nearest.reshape(height, width), farthest.reshape(height, width)
+    pixel = row * width + column
+    pixels = SomePixels.of(pixel, width * height)
+    nearest, negative = np.full((2, len(pixels.pixel)), np.inf)
+    for chunk in _triangle_chunks(triangles, width, height, pixels):
+        number = pixels.before[chunk.pixel]
+        _draw(nearest, number, chunk.depth)
+        _draw(negative, number, -chunk.depth)
+    number = pixels.before[pixel]
+    return nearest[number], -negative[number]
 
 
 def nearest_depth(
-    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
-) -> Float[np.ndarray, "h w"]:
+    triangles: Float[np.ndarray, "f 3 3"],
+    row: Int[np.ndarray, " p"],
+    column: Int[np.ndarray, " p"],
+    width: int,
+    height: int,
+) -> Float[np.ndarray, " p"]:
     """Nearest depth alone, see `depth_range`."""
-    nearest = np.full(width * height, np.inf)
-    for chunk in _triangle_chunks(triangles, width, height):
-        _draw(nearest, chunk.pixel, chunk.depth)
-    return nearest.reshape(height, width)
+    pixel = row * width + column
+    pixels = SomePixels.of(pixel, width * height)
+    nearest = np.full(len(pixels.pixel), np.inf)
+    for chunk in _triangle_chunks(triangles, width, height, pixels):
+        _draw(nearest, pixels.before[chunk.pixel], chunk.depth)
+    return nearest[pixels.before[pixel]]
 
 
 def _triangle_chunks(
-    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
+    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int, within: SomePixels
 ) -> Iterator[FragmentChunk]:
     faces = np.arange(3 * len(triangles)).reshape(-1, 3)
     points = triangles.reshape(-1, 3)
-    return fragment_chunks(points, faces=faces, width=width, height=height)
+    return fragment_chunks(
+        points, faces=faces, width=width, height=height, within=within
+    )
 
 
-def _draw(buffer: np.ndarray, pixel: np.ndarray, depth: np.ndarray) -> None:
-    """Lower the buffer to the smallest depth of each pixel."""
+def _draw(
+    buffer: Float[np.ndarray, " b"],
+    number: Int[np.ndarray, " k"],
+    depth: Float[np.ndarray, " k"],
+) -> None:
+    """Lower the values of these numbers in a buffer to the smallest depth of each."""
     # Whole arrays at a time instead of `np.minimum.at`: few fragments are left after
     # the second pass.
     while len(depth):
-        ahead = np.flatnonzero(depth < buffer[pixel])
-        pixel = pixel[ahead]
+        ahead = np.flatnonzero(depth < buffer[number])
+        number = number[ahead]
         depth = depth[ahead]
-        buffer[pixel] = depth
+        buffer[number] = depth

@@ -209,6 +209,24 @@ def within_raster(corners: Float[np.ndarray, "*n 3"]) -> bool:
     return bool(is_finite and farthest <= _MAX_COORDINATE)
 
 
+class SomePixels(NamedTuple):
+    """Some pixels of an image, as row * width + column."""
+
+    pixel: Int[np.ndarray, " p"]
+    """Each once, ascending."""
+    before: Int[np.ndarray, " n"]
+    """Number of them before each pixel of the image, and in all of it."""
+
+    @classmethod
+    def of(cls, pixel: Int[np.ndarray, " k"], size: int) -> "SomePixels":
+        """Pixels of an image of so many, in any order and perhaps several times."""
+        is_one = np.zeros(size, bool)
+        is_one[pixel] = True
+        before = np.zeros(size + 1, np.int32)
+        np.cumsum(is_one, out=before[1:])
+        return cls(pixel=np.flatnonzero(is_one), before=before)
+
+
 class FragmentChunk(NamedTuple):
     """Fragments of some triangles, in any order."""
 
@@ -223,8 +241,11 @@ def fragment_chunks(
     faces: Int[np.ndarray, "f 3"],
     width: int,
     height: int,
+    within: SomePixels | None = None,
 ) -> Iterator[FragmentChunk]:
     """Fragments of triangles with corners `points` (column, row, depth), in chunks.
+
+    Those in some pixels alone if `within` is not None: the others cost nothing.
 
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
@@ -246,16 +267,22 @@ def fragment_chunks(
         chunk = near_centres[first : first + _CHUNK]
         corners = np.ascontiguousarray(faces[chunk].T)
         spans = _spans(x, y=y, corners=corners, width=width, height=height)
-        span, step = _slots(spans.count)
+        first_pixel = spans.row * width + spans.left
+        if within is None:
+            span, step = _slots(spans.count)
+            pixel = first_pixel[span] + step
+        else:
+            start = within.before[first_pixel]
+            stop = within.before[first_pixel + spans.count]
+            span, step = _slots(stop - start)
+            pixel = within.pixel[start[span] + step]
         face = spans.face[span]
         row = spans.row[span]
-        column = spans.left[span] + step
+        column = pixel - row * width
         plane_depth = _plane_at(
             x, y=y, depth=depth, corners=corners, face=face, column=column, row=row
         )
-        yield FragmentChunk(
-            triangle=chunk[face], pixel=row * width + column, depth=plane_depth
-        )
+        yield FragmentChunk(triangle=chunk[face], pixel=pixel, depth=plane_depth)
 
 
 def _slots(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

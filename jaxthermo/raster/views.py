@@ -41,7 +41,11 @@ class OrthographicView:
 
     def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform world points [m] to (column, row, depth) in pixels."""
-        return (linear_map(points, self.frame.T) - self.corner) / self.pitch
+        return self.scaled(linear_map(points, self.frame.T))
+
+    def scaled(self, turned: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Transform points in view axes [m] to (column, row, depth) in pixels."""
+        return (turned - self.corner) / self.pitch
 
     def half_spaces(
         self, low: Int[np.ndarray, "2"], high: Int[np.ndarray, "2"]
@@ -65,23 +69,39 @@ def orthographic_view(
     points: Float[np.ndarray, "*n 3"], direction: object, pitch: float
 ) -> OrthographicView:
     """Smallest view along `direction` around all points, with a pixel of margin."""
+    return fitted_view(points.reshape(-1, 3), direction, pitch).view
+
+
+class FittedView(NamedTuple):
+    """The smallest view around some points, with a pixel of margin."""
+
+    view: OrthographicView
+    at: Float[np.ndarray, "n 3"]
+    """The points as (column, row, depth) in pixels."""
+
+
+def fitted_view(
+    points: Float[np.ndarray, "n 3"], direction: object, pitch: float
+) -> FittedView:
+    """The view of `orthographic_view` with its points projected."""
     frame = view_frame(direction)
-    rotated = linear_map(points.reshape(-1, 3), frame.T)
-    low = rotated.min(0)
-    high = rotated.max(0)
+    turned = linear_map(points, frame.T)
+    low = turned.min(0)
+    high = turned.max(0)
     extent = (high - low)[:2]
     covered_pixels = np.ceil(extent / pitch).astype(int)
     size = np.maximum(covered_pixels, 1) + 2
     width, height = size
     corner = (low + high) / 2 - np.append(size, 0) * pitch / 2
     corner[2] = low[2]
-    return OrthographicView(
+    view = OrthographicView(
         frame=frame,
         corner=corner,
         pitch=pitch,
         width=int(width),
         height=int(height),
     )
+    return FittedView(view=view, at=view.scaled(turned))
 
 
 # Successive points of a Fibonacci spiral are rotated by the golden angle [rad].
@@ -198,17 +218,20 @@ class PerspectiveView:
         return np.concatenate([image, depth], axis=-1)
 
     def nearest(
-        self, triangles: Float[np.ndarray, "f 3 3"]
-    ) -> Float[np.ndarray, "h w"]:
-        """Depth of the first triangle in each pixel [m]; inf in empty pixels."""
+        self,
+        triangles: Float[np.ndarray, "f 3 3"],
+        row: Int[np.ndarray, " p"],
+        column: Int[np.ndarray, " p"],
+    ) -> Float[np.ndarray, " p"]:
+        """Depth of the first triangle in some pixels [m]; inf in empty ones."""
         corners = self.project(self._within(triangles))
         # The inverse of the depth is linear over the image, the depth is not.
         corners[..., 2] = -1 / corners[..., 2]
-        key = nearest_depth(corners, width=self.width, height=self.height)
+        key = nearest_depth(
+            corners, row=row, column=column, width=self.width, height=self.height
+        )
         hit = np.isfinite(key)
-        finite_key = np.where(hit, key, -1.0)
-        depth = -1 / finite_key
-        return np.where(hit, depth, np.inf)
+        return np.where(hit, -1 / np.where(hit, key, -1.0), np.inf)
 
     @property
     def half_spaces(self) -> HalfSpaces:

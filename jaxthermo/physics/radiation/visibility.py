@@ -29,6 +29,7 @@ from ...raster.bounding_spheres import BoundingSpheres
 from ...raster.depth_buffer import depth_range, nearest_depth
 from ...raster.views import (
     OrthographicView,
+    fitted_view,
     half_sphere_directions,
     orthographic_view,
     perspective_views,
@@ -76,8 +77,14 @@ def _shadow_pixel(edge: SquareEdge) -> float:
     return _SHADOW_PIXEL * edge
 
 
+_LARGE_MAP = 16_000_000
+"""Size of a map from which the free memory is looked up, for each map [bytes]."""
+
+
 def _check_map(width: int, height: int, task: str) -> None:
-    require_memory(width * height * 16, task, "use a coarser pitch")
+    size = width * height * 16
+    if size > _LARGE_MAP:
+        require_memory(size, task, "use a coarser pitch")
 
 
 class _Window(NamedTuple):
@@ -97,8 +104,13 @@ class _Window(NamedTuple):
         """Flag the points, at these depths, that the occluder is in front of."""
         # What begins behind all points shades none of them.
         ahead = self.corners[..., 2].min(axis=1) < depth.max()
-        nearest = nearest_depth(self.corners[ahead], self.width, self.height)
-        return depth > nearest[self.row, self.column]
+        return depth > nearest_depth(
+            self.corners[ahead],
+            row=self.row,
+            column=self.column,
+            width=self.width,
+            height=self.height,
+        )
 
 
 def _window(
@@ -243,13 +255,13 @@ def lit_samples_from_point(
     pixel = _shadow_pixel(pitch)
     for view, in_view in perspective_views(eye, position[facing], pixel):
         _check_map(view.width, view.height, "a shadow map")
-        nearest = view.nearest(triangles)
         seen = facing[in_view]
         size = view.pixel * view.project(position[seen])[:, 2]
         raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
         edge = edges_of_points(pitch, seen)
         at = view.project(_samples(raised, normal[seen], edge))
-        lit[seen] = _lit_bits(at[:, 2] <= nearest[pixels_at(view, at)])
+        row, column = pixels_at(view, at)
+        lit[seen] = _lit_bits(at[:, 2] <= view.nearest(triangles, row, column))
     return lit
 
 
@@ -311,8 +323,8 @@ def lines_to_surroundings(
     # one side, the last layer those from the other: one map for two directions.
     may_meet = BoundingSpheres.of(triangles).meet(position, upward, _MARGIN * pixel)
     for number in np.flatnonzero(may_meet):
-        view = orthographic_view(position, upward[number], pixel)
-        is_free[number] = _sees_out(view, triangles, position, normal)
+        view, at = fitted_view(position, upward[number], pixel)
+        is_free[number] = _sees_out(view, at, triangles, normal)
     return np.packbits(is_free, axis=0)
 
 
@@ -326,8 +338,7 @@ def certain_lines(
     pixel = _PIXEL * float(np.max(pitch))
     is_certain = []
     for upward in half_sphere_directions((directions + 1) // 2):
-        view = orthographic_view(position, upward, pixel)
-        deeper = _deeper(view, view.project(position), normal)
+        deeper = _deeper(*fitted_view(position, upward, pixel), normal)
         is_certain.append(np.abs(deeper) <= _MAX_DEPTH_CORRECTION)
     return np.packbits(is_certain, axis=0)
 
@@ -419,12 +430,11 @@ def _deeper(
 
 def _sees_out(
     view: OrthographicView,
+    at: Float[np.ndarray, "s 3"],
     triangles: Float[np.ndarray, "f 3 3"],
-    position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
 ) -> Bool[np.ndarray, " s"]:
     """Flag the points that triangles do not hide along a view, or against it."""
-    at = view.project(position)
     deeper = _deeper(view, at, normal)
     is_ahead = normal @ view.frame[2] > 0
     above = at[:, 2] + deeper + _DEPTH_TOLERANCE
@@ -439,11 +449,15 @@ def _sees_out(
     )
     if window is not None:
         points = window.points
-        nearest, farthest = depth_range(window.corners, window.width, window.height)
+        nearest, farthest = depth_range(
+            window.corners,
+            row=window.row,
+            column=window.column,
+            width=window.width,
+            height=window.height,
+        )
         is_free[points] = np.where(
-            is_ahead[points],
-            above[points] >= farthest[window.row, window.column],
-            below[points] <= nearest[window.row, window.column],
+            is_ahead[points], above[points] >= farthest, below[points] <= nearest
         )
     return is_free
 

@@ -60,10 +60,12 @@ def test_a_perspective_view_is_that_of_all_triangles(eye):
             clipped = clip_half_space(clipped, normal=normal, offset=offset).pieces
         corners = view.project(clipped)
         corners[..., 2] = -1 / corners[..., 2]
-        key = nearest_depth(corners, width=view.width, height=view.height)
+        row, column = np.indices((view.height, view.width)).reshape(2, -1)
+        key = nearest_depth(corners, row, column, view.width, view.height)
         assert np.isfinite(key).any()
         np.testing.assert_array_equal(
-            view.nearest(triangles), np.where(np.isfinite(key), -1 / key, np.inf)
+            view.nearest(triangles, row, column),
+            np.where(np.isfinite(key), -1 / key, np.inf),
         )
 
 

@@ -39,7 +39,6 @@ def test_depths_are_those_of_the_nearest_wall(eye):
     views = perspective_views(eye_point, eye_point + way, 0.01)
     assert len(views) == 6
     for view, in_view in views:
-        nearest = view.nearest(np.concatenate([ball, room]))
         at = view.project(eye_point + way[in_view])
         column = at[:, 0].astype(int)
         row = at[:, 1].astype(int)
@@ -56,7 +55,7 @@ def test_depths_are_those_of_the_nearest_wall(eye):
         meets = (inside > 0) & (half < 0)
         sphere_depth = (-half - np.sqrt(np.maximum(inside, 0))) / square
         expected = np.where(meets, sphere_depth, wall)
-        depth = nearest[row, column]
+        depth = view.nearest(np.concatenate([ball, room]), row, column)
         # The ball is made of facets: near its rim a ray may pass it, or not.
         rim = np.abs(inside) < 0.02 * square
         np.testing.assert_allclose(depth[~rim], expected[~rim], atol=0.02)
@@ -67,4 +66,5 @@ def test_nothing_in_sight_is_infinitely_far():
     points = np.array([[0.0, 0.0, 2.0], [0.1, 0.0, 2.0]])
     ((view, _),) = perspective_views(eye, points, 0.05)
     behind = box(1.0).triangles - np.array([0.0, 0.0, 5.0])
-    assert np.isinf(view.nearest(behind)).all()
+    row, column = np.indices((view.height, view.width)).reshape(2, -1)
+    assert np.isinf(view.nearest(behind, row, column)).all()

@@ -24,7 +24,7 @@ def test_triangles_behind_all_points_are_left_out_without_an_effect():
         height=SIDE,
     )
     assert (corners[..., 2].min(axis=1) > depth.max()).any()
-    nearest, _ = depth_range(corners, SIDE, SIDE)
-    is_shaded = depth > nearest[row, column]
+    nearest, _ = depth_range(corners, row, column, SIDE, SIDE)
+    is_shaded = depth > nearest
     assert is_shaded.any() and not is_shaded.all()
     np.testing.assert_array_equal(window.shades(depth), is_shaded)
