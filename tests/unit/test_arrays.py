@@ -7,6 +7,7 @@ import pytest
 
 from jaxthermo.arrays import (
     device_array,
+    is_compiling,
     linear_map,
     rows_of,
     rows_remembered,
@@ -101,3 +102,27 @@ def test_a_linear_map_is_the_product_by_a_matrix(shape):
     np.testing.assert_allclose(product, vectors @ matrix, rtol=1e-12, atol=1e-14)
     np.testing.assert_array_equal(linear_map(vectors, np.eye(3)), vectors)
     assert linear_map(vectors.astype(np.float32), matrix).dtype == np.float64
+
+
+def test_compiling_is_told_from_computing():
+    seen = []
+
+    @jax.jit
+    def compiled(x):
+        seen.append(is_compiling())
+        with jax.ensure_compile_time_eval():
+            seen.append(is_compiling())
+        return x + 1
+
+    assert not is_compiling()
+    assert float(compiled(1.0)) == 2.0
+    assert seen == [True, False]
+
+    # Differentiated and mapped values alone are computed, not compiled.
+    def computed(x):
+        seen.append(is_compiling())
+        return x
+
+    jax.vmap(computed)(np.ones(2))
+    jax.grad(computed)(1.0)
+    assert seen == [True, False, False, False]
