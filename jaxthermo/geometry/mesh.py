@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -442,10 +443,7 @@ class Pose(Module):
         They are in steps of a millionth of a length [m], which rounding does not reach:
         bodies that move together keep them.
         """
-        offset = np.subtract(other.translation, self.translation)
-        turn = np.transpose(self.rotation) @ np.asarray(other.rotation)
-        place = np.rint(self.rotate_back(offset) / (_SAME_PLACE * length))
-        return tuple(place.tolist()), tuple(np.rint(turn / _SAME_TURN).ravel().tolist())
+        return _relative_key(self.key, other.key, length)
 
     def after(self, first: "Pose") -> "Pose":
         """The pose that places a body by another pose first, then by this one."""
@@ -484,6 +482,19 @@ class Pose(Module):
         """Times at which the geometry changes: none."""
         del end
         return ()
+
+
+# Every snapshot of a motion compares all bodies, most of which are at rest.
+@lru_cache(maxsize=2**14)
+def _relative_key(first: tuple, second: tuple, length: float) -> tuple[tuple, tuple]:
+    """`Pose.relative_key` of two poses, from their numbers."""
+    translation, rotation = first
+    other_translation, other_rotation = second
+    axes = np.asarray(rotation, float)
+    offset = linear_map(np.subtract(other_translation, translation), axes)
+    place = np.rint(offset / (_SAME_PLACE * length))
+    turn = np.rint(axes.T @ np.asarray(other_rotation) / _SAME_TURN)
+    return tuple(place.tolist()), tuple(turn.ravel().tolist())
 
 
 def _turn_of(pose: Pose) -> Turn | None:

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..geometry.rotation import Way
+from ..memo.once import once
 
 
 if TYPE_CHECKING:
@@ -180,11 +181,14 @@ def moving_together(
         length: of which a millionth counts as the same place [m].
     """
     groups: dict[tuple, list[int]] = {}
+
+    # Bodies at rest have one pose at all times.
+    @once
+    def key_of(first: Pose, second: Pose) -> tuple:
+        return Pose().relative_key(_displacement(first, second), length)
+
     for number, first in enumerate(poses[0]):
-        way = tuple(
-            Pose().relative_key(_displacement(first, at_time[number]), length)
-            for at_time in poses[1:]
-        )
+        way = tuple(key_of(first, at_time[number]) for at_time in poses[1:])
         groups.setdefault(way, []).append(number)
     return tuple(map(tuple, groups.values()))
 

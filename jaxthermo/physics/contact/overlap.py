@@ -14,7 +14,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from ...errors import InputError
@@ -187,7 +187,11 @@ def _sheet_overlap(
     around = bodies[solid]
     grid = bodies[sheet].grid
     assert isinstance(grid, SheetGrid)
-    points = bodies[sheet].pose.to_world(grid.thirds.position)
+    low, high = around.world_bounds
+    # Voxels may project beyond the mesh.
+    corners = _box_corners(low - around.pitch, high + around.pitch)
+    near = _between(grid.thirds.position, bodies[sheet].pose.to_body(corners))
+    points = bodies[sheet].pose.to_world(grid.thirds.position[near])
     is_inside = around.contains(points)
     if not is_inside.any():
         return None
@@ -197,7 +201,8 @@ def _sheet_overlap(
     is_deep = bool(depths[deepest] > around.pitch * (1 + _ROUNDING))
     # By rounding a sheet that lies on a solid may be in its voxels.
     min_depth = 0.5 * around.pitch * (1 - _ROUNDING)
-    if is_inside.all() and (is_deep or (depths >= min_depth).all()):
+    is_wholly_inside = len(inside) == len(grid.thirds.area)
+    if is_wholly_inside and (is_deep or (depths >= min_depth).all()):
         raise InputError(
             f"body {sheet}, a sheet, lies wholly in the solid of body {solid}: move it "
             "out, give the other a cavity for it, or a region of another material"
@@ -205,11 +210,25 @@ def _sheet_overlap(
     if not is_deep:
         return None
     return SheetOverlap(
-        area=float(grid.thirds.area[is_inside].sum()),
+        area=float(grid.thirds.area[near[is_inside]].sum()),
         sheet=sheet,
         depth=float(depths[deepest]),
         position=inside[deepest],
     )
+
+
+def _box_corners(
+    low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "8 3"]:
+    return np.stack(np.meshgrid(*zip(low, high, strict=True)), -1).reshape(-1, 3)
+
+
+def _between(
+    points: Float[np.ndarray, "n 3"], corners: Float[np.ndarray, "8 3"]
+) -> Int[np.ndarray, " m"]:
+    """Numbers of the points between the lowest and the highest of the corners."""
+    is_near = (points >= corners.min(axis=0)) & (points <= corners.max(axis=0))
+    return np.flatnonzero(is_near.all(axis=1))
 
 
 def _is_within(inner: PlacedGrid, outer: PlacedGrid, is_deep: bool) -> bool:
@@ -237,7 +256,7 @@ def _centres_near(
     lattice = body.grid.lattice
     solid = body.voxels.solid
     low, high = neighbour.world_bounds
-    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), -1).reshape(-1, 3)
+    corners = _box_corners(low, high)
     cells = lattice.to_cells(body.pose.to_body(corners))
     first = np.clip(np.floor(cells.min(0)).astype(int), 0, solid.shape)
     last = np.clip(np.ceil(cells.max(0)).astype(int), 0, solid.shape)

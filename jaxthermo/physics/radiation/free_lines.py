@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from ...geometry.mesh import Pose
 from ...memo.found import found
 from ..surface import BodySurface
 
@@ -40,16 +39,14 @@ def free_lines(
         is_distant: True if the lines lead to infinity, whatever the body's position.
         options: further arguments of the search.
     """
-    place = Pose((0.0, 0.0, 0.0), body.pose.rotation) if is_distant else body.pose
     key = None
     if by is not None:
-        key = (*by, body.pitch, Pose().relative_key(place, body.pitch))
+        _, rotation = body.place_key
+        key = (*by, body.pitch, rotation if is_distant else body.place_key)
     sights = tuple(
         found(
             (body.grid, *occluder.shapes),
-            by=None
-            if key is None
-            else (*key, occluder.place_from(body.pose, body.pitch)),
+            by=None if key is None else (*key, occluder_place),
             find=partial(
                 search,
                 occluder.triangles,
@@ -60,8 +57,22 @@ def free_lines(
             ),
             search=f"{task} body {body.body}",
         )
-        for occluder in body.occluders
+        for occluder, occluder_place in zip(
+            body.occluders, body.occluder_places, strict=True
+        )
     )
     if len(sights) == 1:
         return sights[0]
-    return found(sights, by="free lines", find=lambda: np.bitwise_and.reduce(sights))
+    return found(sights, by="free lines", find=lambda: _free_of_all(sights))
+
+
+def _free_of_all(sights: tuple[Sight, ...]) -> Sight:
+    """Lines that are free in all sights; the first array itself if it has no other."""
+    # What followed from the lines of a body whose view a moving one does not cross
+    # follows from them again.
+    first, *others = sights
+    free = first
+    for sight in others:
+        if (free & ~sight).any():
+            free = free & sight
+    return free

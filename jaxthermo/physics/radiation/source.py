@@ -14,6 +14,7 @@ import abc
 import math
 from collections.abc import Callable, Hashable
 from dataclasses import replace
+from functools import cache
 from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
@@ -28,7 +29,7 @@ from ...geometry.vectors import row_dot, unit_vector, unit_vectors
 from ...memo.found import found
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
-from ..surface import BodySurface, Surface
+from ..surface import BodySurface, Facing, Surface
 from ..term import OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .free_lines import free_lines
@@ -245,10 +246,13 @@ class AbstractSource(AbstractRadiativeTerm):
                 f"body {body.body} (or a part of it is); move it out of the body"
             )
 
+        @cache
+        def facing() -> Facing:
+            return body.facing(self.towards(body.position))
+
         def search(triangles, position, normal, pitch):
             del normal
-            facing = body.facing(self.towards(position))
-            return self.lit_samples(triangles, position, facing.normal, pitch)
+            return self.lit_samples(triangles, position, facing().normal, pitch)
 
         key = self.exposure_key
         by = None if key is None else ("exposure", type(self), key)
@@ -261,8 +265,8 @@ class AbstractSource(AbstractRadiativeTerm):
         )
 
         def shade():
-            facing = body.facing(self.towards(body.position))
-            return facing.fraction * self._shaded(lit, body.position, facing.normal)
+            part = facing()
+            return part.fraction * self._shaded(lit, body.position, part.normal)
 
         return found((lit, body.position, body.normal), by=by, find=shade)
 

@@ -270,7 +270,7 @@ class ProgramBuilder:
         accuracy = None
         if self._exchange is not None:
             fine, accuracy = self._exchange.enclosure(surface)
-        cells = self._cell_layout(fine)
+        cells = self._cells(fine)
         # Where a temperature is prescribed, that term holds the half cell.
         half_cell = surface.half_cell
         if not surface.natural.all():
@@ -330,6 +330,12 @@ class ProgramBuilder:
             prescribed=numbered(snapshot.prescribed),
             radiating=numbered(snapshot.radiating),
         )
+
+    @cached_property
+    def _cells(self) -> Callable[[Enclosure | None], CellLayout | None]:
+        # Cells go by where terms act at any snapshot: moving bodies have the same ones
+        # as long as no patches of an exchange divide them.
+        return once(self._cell_layout)
 
     def _cell_layout(self, fine: Enclosure | None) -> CellLayout | None:
         """The surface cells of all bodies."""
