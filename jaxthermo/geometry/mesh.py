@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -15,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from ..arrays import linear_map, numbered, static_numbers
 from ..errors import InputError, require, shortened
 from ..shown import html_of
-from .rotation import Turn, Way, shortest_way, way_by_angle
+from .rotation import Turn, Way, relative_key, shortest_way, way_by_angle
 from .vectors import unit_vector
 
 
@@ -370,11 +369,6 @@ def _are_finite(numbers: Any, shape: tuple[int, ...]) -> bool:
     return array.shape == shape and bool(np.isfinite(array).all())
 
 
-# Steps in which places of bodies, over a length, and cosines of axes are compared.
-_SAME_PLACE = 1e-6
-_SAME_TURN = 1e-9
-
-
 class Pose(Module):
     """Rigid placement of a body in the world: x -> rotation x + translation."""
 
@@ -443,7 +437,7 @@ class Pose(Module):
         They are in steps of a millionth of a length [m], which rounding does not reach:
         bodies that move together keep them.
         """
-        return _relative_key(self.key, other.key, length)
+        return relative_key(self.key, other.key, length)
 
     def after(self, first: "Pose") -> "Pose":
         """The pose that places a body by another pose first, then by this one."""
@@ -482,19 +476,6 @@ class Pose(Module):
         """Times at which the geometry changes: none."""
         del end
         return ()
-
-
-# Every snapshot of a motion compares all bodies, most of which are at rest.
-@lru_cache(maxsize=2**14)
-def _relative_key(first: tuple, second: tuple, length: float) -> tuple[tuple, tuple]:
-    """`Pose.relative_key` of two poses, from their numbers."""
-    translation, rotation = first
-    other_translation, other_rotation = second
-    axes = np.asarray(rotation, float)
-    offset = linear_map(np.subtract(other_translation, translation), axes)
-    place = np.rint(offset / (_SAME_PLACE * length))
-    turn = np.rint(axes.T @ np.asarray(other_rotation) / _SAME_TURN)
-    return tuple(place.tolist()), tuple(turn.ravel().tolist())
 
 
 def _turn_of(pose: Pose) -> Turn | None:

@@ -5,11 +5,13 @@ does, so that a full turn differs from none.
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from ..arrays import linear_map
 from .vectors import unit_vector
 
 
@@ -104,3 +106,21 @@ def _quaternion(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "4"]:
 
 def _rows(matrix: Float[np.ndarray, "3 3"]) -> Rows:
     return tuple((x, y, z) for x, y, z in matrix.tolist())
+
+
+# Steps in which places of bodies, over a length, and cosines of axes are compared.
+_SAME_PLACE = 1e-6
+_SAME_TURN = 1e-9
+
+
+# Every snapshot of a motion compares all bodies, most of which are at rest.
+@lru_cache(maxsize=2**14)
+def relative_key(first: tuple, second: tuple, length: float) -> tuple[tuple, tuple]:
+    """`Pose.relative_key` of two poses by their translations and rotations."""
+    translation, rotation = first
+    other_translation, other_rotation = second
+    axes = np.asarray(rotation, float)
+    offset = linear_map(np.subtract(other_translation, translation), axes)
+    place = np.rint(offset / (_SAME_PLACE * length))
+    turn = np.rint(axes.T @ np.asarray(other_rotation) / _SAME_TURN)
+    return tuple(place.tolist()), tuple(turn.ravel().tolist())
