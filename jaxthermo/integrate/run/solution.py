@@ -195,9 +195,16 @@ _SolutionT = TypeVar("_SolutionT", Solution, SteadySolution)
 
 
 def finished(solution: _SolutionT, throw: bool) -> _SolutionT:
-    """Return a solution with float64 as numpy arrays; raise its failure if `throw`."""
+    """Return a solution with float64 as numpy arrays; raise its failure if `throw`.
+
+    The failure of a traced run is raised when its program runs.
+    """
     is_known = not is_traced(solution.result)
-    if throw and is_known and solution.result != RESULTS.successful:
+    has_failed = solution.result != RESULTS.successful
+    if throw and not is_known:
+        traced, known = eqx.partition(solution, is_traced)
+        solution = eqx.combine(solution.result.error_if(traced, has_failed), known)
+    elif throw and has_failed:
         raise RuntimeError(RESULTS[solution.result])
     # Where JAX is not set to 64 bits, every later use of a float64 array warns and
     # rounds to float32.
