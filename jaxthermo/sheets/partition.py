@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..arrays import numbered, rank_in_group, sorted_union, unique_rows
 from ..geometry.mesh import connected_labels
-from ..geometry.vectors import row_dot
+from ..geometry.vectors import row_dot, row_length
 from .rings import joined_rings
 from .surface import Surface, summed_rows
 
@@ -22,6 +22,9 @@ _SMALL = 0.3
 
 _TINY = 0.1
 """The same limit after vertices have moved to the nearest node [-]."""
+
+_FLAT = 0.97
+"""Length of the sum of the area vectors of a flat node over its area, at least [-]."""
 
 _ROUNDS = 2
 """Number of times that vertices move to the nearest node, and nodes to their middle."""
@@ -86,7 +89,7 @@ def _without_small(
     among: Bool[np.ndarray, " v"] | None = None,
     stays: Int[np.ndarray, " k"] | None = None,
 ) -> Int[np.ndarray, " v"]:
-    """Join small nodes to the neighbour that they share most edges with.
+    """Join small and enclosed nodes to the neighbour that they share most edges with.
 
     Nodes without a vertex `among` some remain, and those of the numbers in `stays`.
     """
@@ -109,7 +112,9 @@ def _without_small(
     larger = (area[target] > area[source]) | (
         (area[target] == area[source]) & (target > source)
     )
-    candidates = np.flatnonzero((area < limit * largest)[source] & larger)
+    is_small = area < limit * largest
+    is_small |= _are_enclosed(surface, node, np.bincount(source, minlength=count))
+    candidates = np.flatnonzero(is_small[source] & larger)
     order = candidates[np.lexsort([shared[candidates], source[candidates]])]
     joined = np.arange(count)
     # The last of each source, with the most shared edges, stays.
@@ -119,6 +124,21 @@ def _without_small(
     while (joined[joined] != joined).any():
         joined = joined[joined]
     return numbered(joined[node]).number
+
+
+def _are_enclosed(
+    surface: Surface, node: Int[np.ndarray, " v"], degree: Int[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Flag flat nodes off the border with at most two neighbours.
+
+    Both triangles of such a node have its neighbours as corners, and lie on each other.
+    """
+    candidate = degree <= 2
+    candidate[node[surface.border]] = False
+    members = np.flatnonzero(candidate[node])
+    area = np.bincount(node[members], surface.vertex_area[members], len(degree))
+    vector = summed_rows(node[members], surface.vertex_vector[members], len(degree))
+    return candidate & (row_length(vector) > _FLAT * area)
 
 
 def with_border_nodes(

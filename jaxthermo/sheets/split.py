@@ -28,8 +28,9 @@ def split_long_edges(
 
     A point on an edge is one vertex for all its triangles, whatever their number. The
     longest edge of a triangle is cut in the middle while its shortest one is too long;
-    then each edge in equal pieces. A needle ends in pieces as long as `longest`, where
-    further cuts in the middle would leave some that are far shorter than it is wide.
+    then each edge in as few equal pieces as it needs, and in about twice as many along
+    the free border. Further cuts in the middle would leave pieces of a needle that are
+    far shorter than it is wide.
     """
     origin = np.arange(len(faces))
     while True:
@@ -65,17 +66,22 @@ def _sliced(
     low = vertices.take(edges.low, axis=0)
     along = vertices.take(edges.high, axis=0) - low
     length = row_length(along)
-    # Half as long as elsewhere: a strip has no vertices but those on its borders.
-    slices = np.ceil(2 * length / longest).astype(np.int64)
-    pieces = np.where(length > (1 + 1e-9) * longest, slices, 1)
+    is_cut = length > (1 + 1e-9) * longest
+    sides = edges.edge.reshape(-1, 3)
+    # A narrow strip has no vertices but those on its borders.
+    is_border = is_cut & (edges.uses == 1)
+    is_fine = np.zeros(len(length), bool)
+    is_fine[sides[is_border[sides].any(axis=1)]] = True
+    limit = np.where(is_fine, longest / 2, (1 + 1e-9) * longest)
+    pieces = np.where(is_cut, np.ceil(length / limit), 1).astype(np.int64)
     first_point = len(vertices) + np.cumsum(pieces - 1) - (pieces - 1)
     edge = np.repeat(np.arange(len(pieces)), pieces - 1)
     fraction = (rank_in_group(edge) + 1) / pieces[edge]
     points = low[edge] + fraction[:, None] * along[edge]
-    is_long = np.logical_or.reduce(list((pieces > 1)[edges.edge].reshape(-1, 3).T))
+    is_long = np.logical_or.reduce(list(is_cut[sides].T))
     long_face = np.flatnonzero(is_long)
     # From the corner opposite to the shortest edge, which stays.
-    sides = edges.edge.reshape(-1, 3)[long_face]
+    sides = sides[long_face]
     apex = (length[sides].argmin(1) + 2) % 3
     rows = np.arange(len(long_face))
     corners = faces[long_face]

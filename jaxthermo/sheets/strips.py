@@ -142,7 +142,7 @@ def _ends(nodes: NodeComplex, arcs: _Arcs) -> _Sides:
     numbers = np.flatnonzero(is_end)
     degree = nodes.degrees(numbers)
     pairs = []
-    for number in numbers[(degree >= 1) & (degree <= 2)]:
+    for number in numbers[(degree >= 1) & (degree <= 3)]:
         members = corners[node[corners] == number]
         points = surface.vertices[members]
         gaps = np.linalg.norm(points[:, None] - points, axis=2)

@@ -51,6 +51,16 @@ def test_a_strip_narrower_than_a_cell_conducts(width):
         assert cells.area.sum() == pytest.approx(width, rel=1e-9)
 
 
+@pytest.mark.parametrize(("width", "seed"), [(0.5, 17), (1.7, 8)])
+def test_a_strip_conducts_where_one_node_is_its_end(width, seed):
+    """The node at one end has both corners, and three neighbours."""
+    matrix = rotation(seed)
+    plate = grid_plate(np.array([0, 12.0]), np.array([0, width]))
+    cells = sheet_cells(turned(plate, matrix), pitch=1.0)
+    x = (cells.position @ matrix)[:, 0]
+    assert ends_held(cells, x, 12.0) == pytest.approx(width / 12.0, rel=1e-3)
+
+
 def three_strips(angles):
     strips = []
     for angle in angles:

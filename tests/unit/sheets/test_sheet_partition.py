@@ -3,10 +3,11 @@
 import numpy as np
 
 from jaxthermo.geometry.mesh import edges_of
-from jaxthermo.sheets.partition import _SWEEPS, _nearest
+from jaxthermo.geometry.vectors import triangle_normals
+from jaxthermo.sheets.partition import _SWEEPS, _TINY, _nearest, _without_small
 from jaxthermo.sheets.split import _Chain, _zipped, split_long_edges
 from jaxthermo.sheets.surface import Surface
-from tests.sheets import rotation, turned, uneven_strip
+from tests.sheets import grid_plate, rotation, turned, uneven_strip
 
 
 def surface_of(mesh, longest):
@@ -14,7 +15,7 @@ def surface_of(mesh, longest):
     return Surface(
         vertices=vertices,
         faces=faces,
-        area=np.ones(len(faces)),
+        area=np.linalg.norm(triangle_normals(vertices[faces]), axis=1) / 2,
         origin=piece,
         part=np.zeros(len(faces), int),
         normal=np.tile(rotation(0)[2], (len(faces), 1)),
@@ -51,6 +52,19 @@ def test_sweeps_over_what_has_moved_are_sweeps_over_all():
     grown = _nearest(surface, start, position)
     np.testing.assert_array_equal(grown, expected)
     assert np.bincount(grown)[1:].min() > 10
+
+
+def test_flat_nodes_between_two_others_join_one():
+    """Their two triangles would lie on each other; at the border they have others."""
+    plate = grid_plate(np.arange(13.0), np.arange(13.0))
+    surface = surface_of(plate, 2.0)
+    x, y, _ = plate.vertices.T
+    halves = (x > 6).astype(int)
+    inside = np.where((abs(x - 6) < 2) & (abs(y - 6) < 2), 2, halves)
+    joined = np.where(inside == 2, 0, halves)
+    np.testing.assert_array_equal(_without_small(surface, inside, _TINY), joined)
+    at_border = np.where((abs(x - 6) < 2) & (y < 3), 2, halves)
+    np.testing.assert_array_equal(_without_small(surface, at_border, _TINY), at_border)
 
 
 def test_neighbours_are_those_of_the_edges():
