@@ -67,12 +67,8 @@ def free_lines(
 
 
 def _free_of_all(sights: tuple[Sight, ...]) -> Sight:
-    """Lines that are free in all sights; the first array itself if it has no other."""
+    """Lines that are free in all sights; one of these where no other has less."""
     # What followed from the lines of a body whose view a moving one does not cross
     # follows from them again.
-    first, *others = sights
-    free = first
-    for sight in others:
-        if (free & ~sight).any():
-            free = free & sight
-    return free
+    free = np.bitwise_and.reduce(sights)
+    return next((sight for sight in sights if np.array_equal(sight, free)), free)

@@ -16,8 +16,10 @@ def test_a_line_is_free_that_no_occluder_blocks(count):
     np.testing.assert_array_equal(sights, before)
 
 
-def test_occluders_that_block_nothing_more_leave_the_same_lines():
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_occluders_that_block_nothing_more_leave_the_same_lines(place):
     """The same array: what followed from it is known."""
-    first = np.array([[0, 7, 255]], np.uint8)
-    others = (np.array([[0, 15, 255]], np.uint8), np.full((1, 3), 255, np.uint8))
-    assert _free_of_all((first, *others)) is first
+    sights = [np.array([[0, 15, 255]], np.uint8), np.full((1, 3), 255, np.uint8)]
+    fewest = np.array([[0, 7, 255]], np.uint8)
+    sights.insert(place, fewest)
+    assert _free_of_all(tuple(sights)) is fewest
