@@ -214,6 +214,7 @@ def _dataset(
     out: Path | None = None,
     overrides: Overrides = (),
     explain: Flag = False,
+    workers: int = 1,
 ) -> None:
     """Write labelled frames of a scene's variations, for detector networks.
 
@@ -224,10 +225,11 @@ def _dataset(
         out: Folder for the frames; results/NAME by default.
         overrides: Value of the dataset to change, such as samples=3; may be repeated.
         explain: Print the variations, check what the cameras see, and exit.
+        workers: Number of processes, each of which simulates and draws runs of its own.
     """
     from .cli.dataset import dataset as write
 
-    write(config, out=out, overrides=overrides, explain=explain)
+    write(config, out=out, overrides=overrides, explain=explain, workers=workers)
 
 
 @app.command

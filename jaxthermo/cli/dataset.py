@@ -4,9 +4,14 @@ Every frame's labels are written after its images: a frame with labels is comple
 the same command goes on with the missing frames.
 """
 
+import importlib
 import json
+import multiprocessing
+import os
 from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -20,8 +25,9 @@ from ..config.schema.scene import SceneConfig
 from ..console.progress import terminal_progress
 from ..console.results_folder import prepare_folder, results_folder
 from ..console.terminal import open_console, print_line, status
-from ..errors import InputError
+from ..errors import InputError, whole_number
 from ..image.files.exr import write_exr
+from ..image.files.keypoints import keypoint_labels
 from ..image.files.labels import (
     FrameLabels,
     InstanceLabels,
@@ -50,6 +56,8 @@ from .simulate import CHECKPOINT, CONFIG, run_plan
 _PLAN = "plan.json"
 _LABELS = "labels"
 _COCO = "annotations.json"
+_COCO_SETS = {True: "annotations_validation.json", False: "annotations_train.json"}
+"""Annotations of frames for validation, and of those for training."""
 _IMAGES = ("images", "images_8bit", "masks", "parts", "depth", "radiometric")
 # Percentiles of a frame that become black and white if the config has no scale.
 _DARK = 0.5
@@ -59,7 +67,11 @@ _BODIES = 255
 
 
 def dataset(
-    path: Path, out: Path | None, overrides: tuple[str, ...], explain: bool
+    path: Path,
+    out: Path | None,
+    overrides: tuple[str, ...],
+    explain: bool,
+    workers: int = 1,
 ) -> None:
     """Write the missing frames of a dataset, and their labels.
 
@@ -67,6 +79,7 @@ def dataset(
         InputError: for a mistake in the config, before anything is simulated; or a
             folder with another dataset.
     """
+    whole_number(workers, "dataset(workers=)")
     console = open_console()
     with status(console, "checking what the cameras see"):
         plan = plan_dataset(load_dataset(path, overrides))
@@ -77,8 +90,7 @@ def dataset(
     with results_folder(out or Path("results") / path.stem) as folder:
         _claim(folder, plan)
         try:
-            for number in range(len(plan.variations)):
-                _write_variation(console, plan=plan, number=number, folder=folder)
+            _write_variations(console, plan=plan, folder=folder, workers=workers)
         except KeyboardInterrupt:
             done = len(list((folder / _LABELS).glob("*.json")))
             raise KeyboardInterrupt(
@@ -89,8 +101,7 @@ def dataset(
         frames = [
             json.loads(label_path.read_text(encoding="utf-8")) for label_path in labels
         ]
-        names = list(dict.fromkeys(plan.categories))
-        write_json(folder / _COCO, coco(frames, names, path.stem))
+        _write_annotations(plan, frames=frames, folder=folder, description=path.stem)
     print_line(console, f"{count(total, 'frame')} in {folder}, boxes in {_COCO}")
 
 
@@ -132,14 +143,87 @@ def _claim(folder: Path, plan: DatasetPlan) -> None:
             prepare_folder(folder / name)
 
 
+def _write_annotations(
+    plan: DatasetPlan, frames: list[Any], folder: Path, description: str
+) -> None:
+    """Write the annotations of all frames, and those of each set."""
+    keypoints: dict[str, list[str]] = {}
+    for point in plan.keypoints:
+        names = keypoints.setdefault(plan.categories[point.body], [])
+        if point.name not in names:
+            names.append(point.name)
+    chosen = {_COCO: frames}
+    if plan.validation:
+        for is_validation, file in _COCO_SETS.items():
+            chosen[file] = [
+                frame
+                for frame in frames
+                if (frame["variation"] in plan.validation) == is_validation
+            ]
+    for file, frames_of_set in chosen.items():
+        annotations = coco(
+            frames_of_set,
+            categories=list(dict.fromkeys(plan.categories)),
+            description=description,
+            keypoints=keypoints,
+        )
+        write_json(folder / file, annotations)
+
+
+def _write_variations(
+    console: Console, plan: DatasetPlan, folder: Path, workers: int
+) -> None:
+    """Write the missing frames of all variations, each in one of several processes."""
+    missing = [
+        number
+        for number, variation in enumerate(plan.variations)
+        if len(list((folder / _LABELS).glob(f"{variation.name}_*.json")))
+        < plan.frames_of(variation)
+    ]
+    workers = min(workers, len(missing))
+    if workers <= 1:
+        for number in missing:
+            _write_variation(console, plan=plan, number=number, folder=folder)
+        return
+    # A process that is forked would share the locks of JAX's threads.
+    pool = ProcessPoolExecutor(
+        workers,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_begin_worker,
+        initargs=(max(1, (os.cpu_count() or 1) // workers),),
+    )
+    with pool, terminal_progress(console) as progress:
+        progress.stage("simulating and drawing", len(missing))
+        runs = {
+            pool.submit(_write_in_worker, plan, number, folder): number
+            for number in missing
+        }
+        try:
+            for run in as_completed(runs):
+                run.result()
+                variation = plan.variations[runs[run]]
+                progress.line(f"{variation.name}: {_in_words(variation.changes)}")
+                progress.advance()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _begin_worker(threads: int) -> None:
+    # Before JAX starts: its pool would have a thread for each core in each process.
+    os.environ["NPROC"] = str(threads)
+    importlib.import_module("jaxthermo.compilation_cache").cache_compilations()
+
+
+def _write_in_worker(plan: DatasetPlan, number: int, folder: Path) -> None:
+    _write_variation(Console(quiet=True), plan=plan, number=number, folder=folder)
+
+
 def _write_variation(
     console: Console, plan: DatasetPlan, number: int, folder: Path
 ) -> None:
     variation = plan.variations[number]
     total = plan.frames_of(variation)
-    done = len(list((folder / _LABELS).glob(f"{variation.name}_*.json")))
-    if done == total:
-        return
     print_line(console, f"{variation.name}: {_in_words(variation.changes)}")
     with precision(variation.config.dtype):
         run_folder = prepare_folder(folder / "runs" / variation.name)
@@ -192,6 +276,14 @@ def _write_view(
         image = coarsen(draw(k), camera.samples)
         labels = _write_images(
             plan, image=image, folder=folder, name=name, config=config
+        )
+        labels["keypoints"] = keypoint_labels(
+            plan.keypoints,
+            surfaces=stored.surfaces,
+            time=float(image.time),
+            camera=camera.camera,
+            object_id=np.asarray(image.object_id),
+            depth=np.asarray(image.depth, float),
         )
         write_json(
             folder / _LABELS / f"{name}.json",
@@ -251,6 +343,7 @@ def _write_images(
         high_K=high,
         saturated_pixels=saturated_pixels(kelvin),
         instances=labelled,
+        keypoints=[],
     )
 
 

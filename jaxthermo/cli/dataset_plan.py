@@ -4,7 +4,7 @@ import hashlib
 import itertools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,10 +14,16 @@ from ..archive import text_hash
 from ..config.camera_framing import build_camera
 from ..config.loader import config_hash, load_config, resolved
 from ..config.schema.body import BodyConfig
-from ..config.schema.dataset import DatasetConfig, OrbitConfig
+from ..config.schema.dataset import (
+    DatasetConfig,
+    KeypointConfig,
+    OrbitConfig,
+    PathConfig,
+)
 from ..config.schema.image import CameraConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError, located
+from ..image.files.keypoints import BodyPoint
 from ..image.surface.visible import WorldMesh, visible_points
 from ..temperatures import ALLOW_EXTREME
 
@@ -47,12 +53,24 @@ class DatasetPlan(NamedTuple):
     views: list[CameraConfig]
     categories: list[str]
     """Class of every body."""
+    keypoints: list[BodyPoint]
 
     def frames_of(self, variation: _Variation) -> int:
         """Number of frames of a variation."""
         config = variation.config
         times = config.image.frames or config.time.save_times
         return len(self.views) * len(times)
+
+    @property
+    def validation(self) -> frozenset[str]:
+        """Names of the variations whose frames are for validation."""
+        fraction = self.config.validation
+        if fraction is None:
+            return frozenset()
+        total = len(self.variations)
+        count = min(max(1, round(fraction * total)), total - 1)
+        order = np.random.default_rng([self.config.seed, 2]).permutation(total)
+        return frozenset(self.variations[number].name for number in order[:count])
 
     def scene(self, variation: int, view: int) -> SceneConfig:
         """Config of the frames of a variation in a view."""
@@ -99,11 +117,21 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
             )
     world = [_world(body, 0.0) for body in first.bodies]
     corners = np.concatenate([body.vertices[body.faces] for body in world])
+    if config.validation is not None and len(variations) < 2:
+        raise InputError(
+            "validation: a set of its own needs another run: give variations or ranges"
+        )
     views = list(config.views or ())
     if config.orbit is not None:
         views = _orbit(config.orbit, corners.reshape(-1, 3), config.seed)
+    if config.path is not None:
+        views = _path(config.path, corners.reshape(-1, 3))
     plan = DatasetPlan(
-        config=config, variations=variations, views=views, categories=categories
+        config=config,
+        variations=variations,
+        views=views,
+        categories=categories,
+        keypoints=_keypoints(config.keypoints, first.bodies),
     )
     if sum(map(plan.frames_of, variations)) > _MAX_FRAMES:
         raise InputError(f"a dataset of more than {_MAX_FRAMES:,} frames: give less")
@@ -135,12 +163,58 @@ def _variations(config: DatasetConfig) -> list[_Variation]:
     return variations
 
 
+def _keypoints(
+    keypoints: Mapping[str, KeypointConfig], bodies: Sequence[BodyConfig]
+) -> list[BodyPoint]:
+    points = []
+    for name, keypoint in keypoints.items():
+        named = [n for n, body in enumerate(bodies) if body.label == keypoint.body]
+        if isinstance(keypoint.body, int):
+            named = [keypoint.body] if keypoint.body < len(bodies) else []
+        if len(named) != 1:
+            labels = ", ".join(dict.fromkeys(body.label for body in bodies))
+            raise InputError(
+                f"keypoints.{name}.body: {keypoint.body!r} is not one body: give a "
+                f"number below {len(bodies)}, or a name that one of them has; there "
+                f"are {labels}"
+            )
+        points.append(BodyPoint(name, body=named[0], position=keypoint.position))
+    return points
+
+
+def _centre(
+    look_at: tuple[float, float, float] | None, corners: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "3"]:
+    """Point that cameras look at [m], by default the middle of the bodies."""
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    return np.asarray(middle if look_at is None else look_at)
+
+
+def _path(path: PathConfig, corners: Float[np.ndarray, "n 3"]) -> list[CameraConfig]:
+    """Cameras at equal distances along the line of the path."""
+    centre = _centre(path.look_at, corners)
+    points = np.asarray(path.points)
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.append(0.0, np.cumsum(lengths))
+    places = np.linspace(0.0, along[-1], path.count)
+    positions = np.stack([np.interp(places, along, axis) for axis in points.T], axis=1)
+    return [
+        PinholeConfig(
+            position=_point(position),
+            look_at=_point(centre),
+            field_of_view=path.field_of_view,
+            width=path.width,
+            height=path.height,
+        )
+        for position in positions
+    ]
+
+
 def _orbit(
     orbit: OrbitConfig, corners: Float[np.ndarray, "n 3"], seed: int
 ) -> list[CameraConfig]:
     """Cameras at random points, uniform on the sphere between the elevations."""
-    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    centre = np.asarray(middle if orbit.look_at is None else orbit.look_at)
+    centre = _centre(orbit.look_at, corners)
     radius = _MARGIN * float(np.linalg.norm(corners - centre, axis=1).max())
     aspect = min(1.0, orbit.width / orbit.height)
     half_angle = math.atan(math.tan(orbit.field_of_view / 2) * aspect)
@@ -200,6 +274,10 @@ def _check_views(plan: DatasetPlan) -> None:
             world = world or tuple(_world(body, time) for body in config.bodies)
             for number, view in enumerate(plan.views):
                 moment = f" at {time:g} s" if moves else ""
-                name = "orbit" if plan.config.orbit is not None else "views"
+                name = next(
+                    kind
+                    for kind in ("orbit", "path", "views")
+                    if getattr(plan.config, kind) is not None
+                )
                 with located(f"{name}.{number}, {variation.name}{moment}"):
                     visible_points(world, build_camera(view, triangles))

@@ -61,7 +61,7 @@ def load_dataset(path: str | Path, overrides: Sequence[str] = ()) -> DatasetConf
     Raises:
         InputError: one line for each mistake in the config.
     """
-    needs = "a dataset needs `scene`, and `views` or `orbit`"
+    needs = "a dataset needs `scene`, and `views`, `orbit` or `path`"
     return load_model(DatasetConfig, path, overrides=overrides, needs=needs)
 
 

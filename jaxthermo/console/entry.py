@@ -4,17 +4,19 @@ import atexit
 import functools
 import gc
 import importlib
+import inspect
 import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Annotated, Literal, ParamSpec
+from typing import Annotated, Any, Literal, ParamSpec
 
 from cyclopts import App, CycloptsError, Parameter
 
 from ..atomic import disk_error
 from ..errors import InputError
 from .interrupt import INTERRUPTED, safe_interrupt
+from .terminal import quiet_output
 
 
 Flag = Annotated[bool, Parameter(negative="")]
@@ -28,24 +30,41 @@ Animate = Annotated[
     Parameter(negative="", consume_multiple=(0, 1), show_default=False),
 ]
 """Kind of an animation; the option alone means the first kind."""
+_QUIET = inspect.Parameter(
+    "quiet",
+    kind=inspect.Parameter.KEYWORD_ONLY,
+    default=False,
+    annotation=Annotated[
+        bool, Parameter(negative="", help="Print nothing but warnings and mistakes.")
+    ],
+)
 _P = ParamSpec("_P")
 _BROKEN_PIPE = 141
 """Exit status where nobody reads the output any more, as that of SIGPIPE in shells."""
 
 
 def compiles(command: Callable[_P, None]) -> Callable[_P, None]:
-    """Decorator of commands that compile programs; later commands use them again."""
+    """Decorator of commands that take long: they may be `--quiet`.
+
+    The programs that they compile are stored, and later commands use them again.
+    """
 
     @functools.wraps(command)
     def run(*args: _P.args, **kwargs: _P.kwargs) -> None:
+        is_quiet = bool(kwargs.pop(_QUIET.name, False))
         # Before jaxlib reads it: where XLA rejects a stored program, it would print
         # lines about wrong machine types, and the program is compiled again.
         os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
         # By name: it imports JAX, which help and tables do not need.
         cache = importlib.import_module("jaxthermo.compilation_cache")
         cache.cache_compilations()
-        command(*args, **kwargs)
+        with quiet_output(is_quiet):
+            command(*args, **kwargs)
 
+    signature = inspect.signature(command)
+    parameters = [*signature.parameters.values(), _QUIET]
+    inspected: Any = run
+    inspected.__signature__ = signature.replace(parameters=parameters)
     return run
 
 

@@ -8,6 +8,7 @@ import textwrap
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 from rich.console import Console
@@ -17,11 +18,28 @@ from ..errors import LongComputation
 
 # Tables grow up to this width in a pipe [characters].
 _PIPE_WIDTH = 240
+_is_quiet = ContextVar("is_quiet", default=False)
+
+
+@contextmanager
+def quiet_output(is_quiet: bool) -> Iterator[None]:
+    """Consoles that are opened meanwhile print nothing, if `is_quiet`."""
+    token = _is_quiet.set(is_quiet)
+    try:
+        yield
+    finally:
+        _is_quiet.reset(token)
 
 
 def open_console() -> Console:
     """Standard output without markup: a path may contain any character."""
-    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+    console = Console(
+        highlight=False,
+        markup=False,
+        emoji=False,
+        soft_wrap=True,
+        quiet=_is_quiet.get(),
+    )
     # Rich assumes 80 columns for a pipe, where lines should be left whole.
     if not console.is_terminal:
         console.width = _PIPE_WIDTH

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,12 @@ from cli_runs import SCENE, files, pixels, refused, run, succeed
 
 import jaxthermo as jt
 import jaxthermo.cli.dataset as command
+from jaxthermo.cli.dataset_plan import plan_dataset
+from jaxthermo.config.camera_framing import build_camera
+from jaxthermo.config.loader import load_dataset
+from jaxthermo.errors import InputError
 from jaxthermo.image.files.exr import read_exr
+from jaxthermo.image.files.labels import camera_matrices
 
 
 BALL = """
@@ -26,6 +32,11 @@ views:
   - {position: [0.1, -0.8, 0.2], look_at: [0, 0, 0], width: 32, height: 24}
   - {position: [0.6, 0, 0.1], look_at: [0, 0, 0], width: 24, height: 24}
 times: [5]
+validation: 0.4
+keypoints:
+  near: {body: sphere, position: [0.09414, -0.01414, 0]}
+  far: {body: 1, position: [0.06586, 0.01414, 0]}
+  above: {position: [0, 0, 5 m]}
 """
 NAMES = {f"v000{v}_c000{c}_t000005.00s" for v in (0, 1) for c in (0, 1)}
 KINDS = ("images", "images_8bit", "masks", "depth")
@@ -36,6 +47,7 @@ EXPECTED = (
     | {f"labels/{name}.json" for name in NAMES}
     | {f"runs/v000{v}/{file}" for v in (0, 1) for file in RUN}
     | {"annotations.json", "dataset.yaml", "plan.json"}
+    | {"annotations_train.json", "annotations_validation.json"}
 )
 
 
@@ -106,6 +118,103 @@ def test_annotations_are_boxes_of_the_masks(dataset):
     assert len(annotations["annotations"]) == 8
 
 
+def test_keypoints_are_at_the_pixels_of_the_camera(dataset):
+    _, out = dataset
+    places = {"near": [0.09414, -0.01414, 0], "far": [0.06586, 0.01414, 0]}
+    for name in NAMES:
+        labels = json.loads((out / "labels" / f"{name}.json").read_text())
+        keypoints = {k["name"]: k for k in labels["keypoints"]}
+        seen = {"near": 2, "far": 1, "above": 0}
+        assert {key: k["visibility"] for key, k in keypoints.items()} == seen
+        assert [k["body"] for k in labels["keypoints"]] == [1, 1, 0]
+        matrices = labels["camera"]
+        for key, place in places.items():
+            local = np.array(matrices["world_to_camera"]) @ [*place, 1.0]
+            column, row = (np.array(matrices.get("K")) @ local)[:2] / local[2]
+            assert keypoints[key]["x"] == pytest.approx(column, abs=1e-9)
+            assert keypoints[key]["y"] == pytest.approx(row, abs=1e-9)
+    annotations = json.loads((out / "annotations.json").read_text())
+    classes = {c["name"]: c["keypoints"] for c in annotations["categories"]}
+    assert classes == {"box": ["above"], "sphere": ["near", "far"]}
+    for annotation in annotations["annotations"]:
+        length, count = (3, 0) if annotation["category_id"] == 1 else (6, 2)
+        assert len(annotation["keypoints"]) == length
+        assert annotation["num_keypoints"] == count
+
+
+def test_runs_are_for_training_or_for_validation(dataset):
+    _, out = dataset
+    files_of = {}
+    for name in ("annotations", "annotations_train", "annotations_validation"):
+        content = json.loads((out / f"{name}.json").read_text())
+        files_of[name] = {image["file_name"] for image in content["images"]}
+        assert len(content["annotations"]) == 2 * len(content["images"])
+    everything, train, validation = files_of.values()
+    assert train | validation == everything and not train & validation
+    # A run is in one of them with all its frames.
+    assert len({Path(file).name[:5] for file in validation}) == 1
+    assert len(validation) == 2
+
+
+@pytest.mark.slow
+def test_several_processes_write_the_same_files(dataset, tmp_path):
+    config, finished_folder = dataset
+    out = tmp_path / "parallel"
+    assert succeed("dataset", config, "--out", out, "--workers", 2, "--quiet") == ""
+    assert files(out) == EXPECTED
+    for file in EXPECTED - {f"runs/v000{v}/solution.npz" for v in (0, 1)}:
+        assert (out / file).read_bytes() == (finished_folder / file).read_bytes(), file
+
+
+def test_mistakes_in_points_sets_and_workers_are_one_line(dataset, tmp_path):
+    config, _ = dataset
+    for options, words in [
+        (["--set", "keypoints.far.body=9"], "keypoints.far.body: 9 is not one body"),
+        (["--set", "keypoints.far.body=bal"], "there are box, sphere"),
+        (["--set", "validation=1"], "validation"),
+        (["--set", "variations={}"], "validation: a set of its own needs another run"),
+        (["--workers", "0"], "give a whole number of at least 1"),
+    ]:
+        err = refused("dataset", config, "--out", tmp_path / "n", *options)
+        assert words in err
+    assert not (tmp_path / "n").exists()
+
+
+def test_cameras_stand_at_equal_distances_on_a_path(dataset):
+    config, _ = dataset
+    plan = plan_dataset(
+        load_dataset(
+            config,
+            [
+                "views=null",
+                "path={points: [[1, 0, 0], [1, 1, 0], [0, 1, 0]], count: 5, "
+                "look_at: [0, 0, 0.02], width: 80}",
+            ],
+        )
+    )
+    positions = [view.position for view in plan.views]
+    assert positions == [(1, 0, 0), (1, 0.5, 0), (1, 1, 0), (0.5, 1, 0), (0, 1, 0)]
+    assert {(view.width, view.look_at) for view in plan.views} == {
+        (80, (0.0, 0.0, 0.02))
+    }
+    with pytest.raises(InputError, match=r"path\.points\.1: is the point before it"):
+        path = "path={points: [[1, 0, 0], [1, 0, 0]], count: 2}"
+        load_dataset(config, ["views=null", path])
+
+
+def test_a_calibrated_camera_is_a_view(dataset):
+    """By K and a matrix of 4 x 4, both of which the labels repeat."""
+    config, _ = dataset
+    K = [[40, 0, 15.5], [0, 40, 11.5], [0, 0, 1]]
+    pose = [[1, 0, 0, 0], [0, 0, -1, 0.05], [0, 1, 0, 0.8], [0, 0, 0, 1]]
+    view = {"K": K, "world_to_camera": pose, "width": 32, "height": 24}
+    plan = plan_dataset(load_dataset(config, [f"views={json.dumps([view])}"]))
+    camera = build_camera(plan.views[0], 0.1 * np.eye(3)[None])
+    matrices = camera_matrices(camera)
+    np.testing.assert_allclose(matrices["K"], K, atol=1e-9)
+    np.testing.assert_allclose(matrices["world_to_camera"], pose[:3], atol=1e-9)
+
+
 def test_the_weather_changes_what_is_seen(dataset):
     _, out = dataset
     cold, warm = (grey(out, "images", f"v000{v}_c0000_t000005.00s") for v in (0, 1))
@@ -147,15 +256,16 @@ def test_a_whole_one_is_left_as_it_is(dataset):
     stamps = {name: (out / name).stat().st_mtime_ns for name in files(out)}
     code, text, err = run("dataset", config, "--out", out)
     assert (code, err, text.count("\n")) == (0, "", 1)
+    assert succeed("dataset", config, "--out", out, "--quiet") == ""
     new_stamps = {name: (out / name).stat().st_mtime_ns for name in files(out)}
     written = {name for name in EXPECTED if new_stamps[name] != stamps[name]}
-    assert written <= {"annotations.json", "dataset.yaml", "plan.json"}
+    assert written <= {file for file in EXPECTED if "/" not in file}
 
 
 def test_another_dataset_does_not_mix_with_it(dataset, tmp_path):
     config, out = dataset
     copy = shutil.copytree(out, tmp_path / "out")
-    changed = "variations.terms.1.temperature=[281]"
+    changed = "variations.terms.1.temperature=[281, 300]"
     err = refused("dataset", config, "--out", copy, "--set", changed)
     assert "another dataset" in err
 

@@ -16,6 +16,19 @@ from tests.xla_flags import FAST_COMPILATION
 WITH_CODE = [page for page in PAGES if blocks(page, "python")]
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
 
+# Pages whose code reads what their commands write, and what holds of the values.
+READS_FILES = {
+    "docs/guide/other-programs.md": """
+np.testing.assert_allclose(of_tiff, kelvin, rtol=1e-6)
+np.testing.assert_allclose(of_png, kelvin, atol=0.0051)
+np.testing.assert_allclose(of_csv, kelvin, atol=0.0051)
+assert abs(mean - kelvin[channels["object_id"].pixels >= 0].mean()) < 10
+assert list(stored) == times == run["times"].tolist()
+assert len(at_corners) == len(corners) and triangles.max() < len(corners)
+assert at_corners.min() < mean < at_corners.max()
+assert mask.sum() == first["area"] and mask.shape == image.size[::-1]
+"""
+}
 # What a page takes from the text around its code.
 PRELUDE = """
 import jax, numpy as np, trimesh, jaxthermo as jt
@@ -54,12 +67,14 @@ def run(arguments: list[str], folder: Path) -> str:
 @pytest.mark.slice
 @pytest.mark.parametrize("page", WITH_CODE, ids=name)
 def test_python_of_a_page_runs(page, tmp_path):
+    if name(page) in READS_FILES:
+        run_commands(page, tmp_path)
     code = PRELUDE
     for text in blocks(page, "python"):
         if "other_scene" in text and "other_scene =" not in code + text:
             code += OTHER
         code += text + "\n"
-    run(["-c", code], tmp_path)
+    run(["-c", code + READS_FILES.get(name(page), "")], tmp_path)
 
 
 @pytest.mark.slow
@@ -96,6 +111,7 @@ LESS = {
     "calibrate fit": ["--set", "fit.max_steps=1", *COARSE],
     "calibrate identify": COARSE,
     "jaxthermo simulate configs": ["--set", "bodies.0.voxels_high=50"],
+    "jaxthermo dataset": ["--set", "set.bodies.0.voxels_high=30"],
 }
 
 
@@ -111,13 +127,17 @@ WITH_COMMANDS = [page for page in PAGES if commands_to_run(page)]
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=name)
 def test_commands_of_a_page_run(page, tmp_path):
-    """One after the other in one folder, as a reader would in a checkout."""
-    (tmp_path / "configs").symlink_to(ROOT / "configs")
-    trimesh.creation.box((30, 20, 40)).export(tmp_path / "statue.ply")
+    run_commands(page, tmp_path)
+
+
+def run_commands(page: Path, folder: Path) -> None:
+    """Run them one after the other in one folder, as a reader would in a checkout."""
+    (folder / "configs").symlink_to(ROOT / "configs")
+    trimesh.creation.box((30, 20, 40)).export(folder / "statue.ply")
     for scene in (text for text in blocks(page, "yaml") if text.startswith("bodies:")):
-        (tmp_path / "scene.yaml").write_text(scene)
+        (folder / "scene.yaml").write_text(scene)
     lines = [line.split() for line in BEFORE.get(name(page), [])]
     for words in [*lines, *commands_to_run(page)]:
         line = " ".join(words)
         less = [options for start, options in LESS.items() if line.startswith(start)]
-        run(["-m", *words, *itertools.chain(*less)], tmp_path)
+        run(["-m", *words, *itertools.chain(*less)], folder)

@@ -14,8 +14,9 @@ from calibrate.config.loader import load_calibration, scene_config
 from calibrate.study.config import load_sweep
 from calibrate.study.points import cases_of, choices
 from jaxthermo.__main__ import main
-from jaxthermo.config.loader import load_config
+from jaxthermo.config.loader import load_config, load_dataset
 from jaxthermo.config.schema.body import BodyConfig
+from jaxthermo.config.schema.dataset import DatasetConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.schema.sheet import SheetConfig
 from jaxthermo.config.shipped_cards import shipped_cards
@@ -181,6 +182,11 @@ SETTINGS = {text for p in PAGES for text in spans(p) if _SETTING.fullmatch(text)
 def test_a_setting_in_a_sentence_is_accepted(text, tmp_path):
     setting = parse_yaml(text, "page")
     scene = scene_with(setting)
+    if scene is None and setting.keys() <= DatasetConfig.model_fields.keys():
+        write(tmp_path / "scene.yaml", SCENE)
+        dataset = {"scene": "scene.yaml", "orbit": {"count": 1}, **setting}
+        assert load_dataset(write(tmp_path / "dataset.yaml", dataset))
+        return
     if scene is None:
         assert setting.keys() <= OF_FITS
         return

@@ -33,10 +33,46 @@ _Distances = Annotated[
 ]
 
 
-class OrbitConfig(Model):
-    """Cameras at random places around the bodies, which they look at."""
+class _ManyCamerasConfig(Model):
+    """Cameras at several places, which look at the bodies."""
 
     count: _Count
+    look_at: Annotated[si.Position | None, si.Auto] = None
+    """Point that the cameras look at [m]; the middle of the bodies if not given."""
+    field_of_view: FieldOfView = 0.6
+    """Angle from the top to the bottom of the image [rad]."""
+    width: Pixels = 320
+    height: Pixels = 240
+
+
+class PathConfig(_ManyCamerasConfig):
+    """Cameras at equal distances on a line from point to point, both ends included."""
+
+    points: Annotated[tuple[si.Position, ...], Field(min_length=2)]
+    """Points of the line [m]."""
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        pairs = zip(self.points, self.points[1:], strict=False)
+        return [
+            (("points", number), "is the point before it: leave it out")
+            for number, (point, following) in enumerate(pairs, start=1)
+            if point == following
+        ]
+
+
+class KeypointConfig(Model):
+    """A point of a body whose pixel is a label of every frame."""
+
+    body: Annotated[si.Whole, Field(ge=0)] | _Key = 0
+    """Number or name of the body."""
+    position: si.Position
+    """Place in the world at the start [m]; it moves with the body."""
+
+
+class OrbitConfig(_ManyCamerasConfig):
+    """Cameras at random places around the bodies, which they look at."""
+
     elevation: _Elevations = (math.radians(10), math.radians(50))
     """Lowest and highest angle above the horizon [rad]."""
     azimuth: _Azimuths = (0.0, 2 * math.pi)
@@ -44,12 +80,6 @@ class OrbitConfig(Model):
     distance: Annotated[_Distances | None, si.Auto] = None
     """Smallest and largest distance [m]; by default once and 1.5 times the distance at
     which the bodies fill the view."""
-    look_at: Annotated[si.Position | None, si.Auto] = None
-    """Point that the cameras look at [m]; the middle of the bodies if not given."""
-    field_of_view: FieldOfView = 0.6
-    """Angle from the top to the bottom of the image [rad]."""
-    width: Pixels = 320
-    height: Pixels = 240
 
     @override
     def mistakes(self) -> list[Mistake]:
@@ -66,7 +96,7 @@ class OrbitConfig(Model):
 class DatasetConfig(Model):
     """A complete dataset: every variation, from every view, at every time."""
 
-    exactly_one: ClassVar = (("views", "orbit"),)
+    exactly_one: ClassVar = (("views", "orbit", "path"),)
 
     scene: FoundPath
     """Config file of the scene."""
@@ -86,6 +116,8 @@ class DatasetConfig(Model):
     """Cameras that see every variation."""
     orbit: OrbitConfig | None = None
     """Cameras around the bodies, instead of a list."""
+    path: PathConfig | None = None
+    """Cameras on a line, instead of a list."""
     times: Frames = None
     """Saved times that become frames [s]."""
     low: Annotated[si.Temperature | None, si.Auto] = None
@@ -94,6 +126,11 @@ class DatasetConfig(Model):
     """Temperature of white in 8-bit images [K]; by default from each frame."""
     categories: Annotated[tuple[_Key, ...], si.NotEmpty] | None = None
     """Class name of each body; by default the name of its mesh file or shape."""
+    keypoints: dict[_Key, KeypointConfig] = {}
+    """Points of bodies by name, whose pixels are labels."""
+    validation: Annotated[si.Fraction | None, Field(gt=0, lt=1)] = None
+    """Fraction of the runs whose frames are for validation; the others are for
+    training."""
 
     @override
     def mistakes(self) -> list[Mistake]:

@@ -1,6 +1,7 @@
 """Labels of a frame for detector networks: boxes and masks of COCO, camera matrices."""
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple, NotRequired, TypedDict
 
 import numpy as np
@@ -8,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..surface.abstract_camera import AbstractCamera
 from ..surface.camera import Camera
+from .keypoints import OUTSIDE, KeypointLabel
 
 
 class _Instance(NamedTuple):
@@ -95,6 +97,7 @@ class FrameLabels(TypedDict):
     """Temperature of white in the 8-bit image [K]."""
     saturated_pixels: int
     instances: list[InstanceLabels]
+    keypoints: list[KeypointLabel]
 
 
 class _LabelledFrame(FrameLabels):
@@ -160,6 +163,18 @@ class _Annotation(TypedDict):
     area: int
     segmentation: _RunLengths
     iscrowd: int
+    keypoints: NotRequired[list[float]]
+    """Column, row [pixels] and visibility of each keypoint of the category."""
+    num_keypoints: NotRequired[int]
+    """Number of keypoints in the image."""
+
+
+class _Category(TypedDict):
+    """A class of bodies."""
+
+    id: int
+    name: str
+    keypoints: NotRequired[list[str]]
 
 
 class _Coco(TypedDict):
@@ -168,11 +183,14 @@ class _Coco(TypedDict):
     info: dict[str, str]
     images: list[dict[str, int | str]]
     annotations: list[_Annotation]
-    categories: list[dict[str, int | str]]
+    categories: list[_Category]
 
 
 def coco(
-    frames: list[_LabelledFrame], categories: list[str], description: str
+    frames: list[_LabelledFrame],
+    categories: list[str],
+    description: str,
+    keypoints: Mapping[str, list[str]],
 ) -> _Coco:
     """Annotations of all frames in the format of COCO's object detection.
 
@@ -180,6 +198,7 @@ def coco(
         frames: labels of the frames.
         categories: names of the classes, numbered from 1.
         description: of the dataset.
+        keypoints: names of the keypoints of the classes that have some.
     """
     images: list[dict[str, int | str]] = []
     annotations: list[_Annotation] = []
@@ -187,21 +206,45 @@ def coco(
         size = {"width": frame["width"], "height": frame["height"]}
         images.append({"id": number, "file_name": frame["file"], **size})
         for instance in frame["instances"]:
-            annotations.append(
-                {
-                    "id": len(annotations) + 1,
-                    "image_id": number,
-                    "category_id": categories.index(instance["category"]) + 1,
-                    "bbox": instance["box"],
-                    "area": instance["area"],
-                    "segmentation": instance["segmentation"],
-                    "iscrowd": 0,
-                }
-            )
-    named = [{"id": n, "name": name} for n, name in enumerate(categories, start=1)]
+            category = instance["category"]
+            annotation: _Annotation = {
+                "id": len(annotations) + 1,
+                "image_id": number,
+                "category_id": categories.index(category) + 1,
+                "bbox": instance["box"],
+                "area": instance["area"],
+                "segmentation": instance["segmentation"],
+                "iscrowd": 0,
+            }
+            if category in keypoints:
+                labels = _keypoints_of(instance["body"], frame, keypoints[category])
+                annotation["keypoints"] = [
+                    value
+                    for label in labels
+                    for value in (label["x"], label["y"], label["visibility"])
+                ]
+                annotation["num_keypoints"] = sum(
+                    label["visibility"] != OUTSIDE for label in labels
+                )
+            annotations.append(annotation)
+    named: list[_Category] = []
+    for number, name in enumerate(categories, start=1):
+        described: _Category = {"id": number, "name": name}
+        if name in keypoints:
+            described["keypoints"] = keypoints[name]
+        named.append(described)
     return {
         "info": {"description": description},
         "images": images,
         "annotations": annotations,
         "categories": named,
     }
+
+
+def _keypoints_of(
+    body: int, frame: _LabelledFrame, names: list[str]
+) -> list[KeypointLabel]:
+    """Keypoints of a body in the order of its class; those of other bodies are out."""
+    labels = {k["name"]: k for k in frame["keypoints"] if k["body"] == body}
+    absent = KeypointLabel(name="", body=body, x=0.0, y=0.0, visibility=OUTSIDE)
+    return [labels.get(name, absent) for name in names]

@@ -99,7 +99,7 @@ def test_frames_have_noise_of_their_own(load):
     ("lines", "words"),
     [
         ([], "missing `views` or `orbit`"),
-        ([VIEWS, "orbit: {count: 2}"], "not both"),
+        ([VIEWS, "orbit: {count: 2}"], "not several"),
         ([VIEWS, "sampels: 3"], "did you mean 'samples'"),
         ([VIEWS, "samples: 3"], "all samples would be equal"),
         ([VIEWS, "ranges: {terms.0.temperature: [300, 290]}"], "290 is not above 300"),
