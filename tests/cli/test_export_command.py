@@ -8,13 +8,14 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
-from cli_runs import files, refused, run, sets, succeed
+from cli_runs import files, refused, run, scene_file, sets, succeed
 from PIL import Image
 
 from jaxthermo.image.colour.palette import palette_table
 from jaxthermo.image.files.exr import read_exr
 from jaxthermo.image.files.surfaces import _vertex_mesh
 from jaxthermo.integrate.run.solution_file import load_solution
+from tests.shallow import SHALLOW
 
 
 def exported(finished, out, format, *options):
@@ -43,6 +44,62 @@ def test_meshio_reads_every_time(finished, tmp_path, vertices):
     assert np.ptp(read.point_data["emissivity"]) < 1e-6
     (body,) = read.cell_data["body"]
     assert body.shape == (len(mesh.faces),) and not body.any()
+
+
+MOVING = """
+bodies:
+  - name: cart
+    shape: {kind: box, size: [10 cm, 10 cm, 10 cm]}
+    pitch: 5 cm
+    material: copper
+    temperature: 300
+    pose:
+      times: [0, 20]
+      poses: [{translation: [0, 0, 1]}, {translation: [0, 2, 1]}]
+  - name: floor
+    shape: {kind: rectangle, width: 10 cm, length: 10 cm}
+    sheet: {layers: [{material: copper, thickness: 5 mm}], pitch: 5 cm}
+    temperature: 280
+terms:
+  - {kind: heat_flux, heat_flux: 100, on: {part: cart}}
+  - {kind: convection, heat_transfer_coefficient: 10, temperature: 290}
+surface_outputs: [heat_flux, heat_transfer_coefficient]
+time: {end: 20, save_at: [10, 20]}
+camera: {width: 16, height: 16}
+"""
+
+
+@pytest.mark.slow
+@SHALLOW
+def test_a_series_has_places_fluxes_and_coefficients_of_what_moves(tmp_path):
+    scene = scene_file(tmp_path, MOVING)
+    succeed("simulate", scene, "--out", tmp_path / "run", "--quiet")
+    exported(tmp_path / "run", tmp_path / "vtu", "vtu")
+    collection = ElementTree.parse(tmp_path / "vtu" / "surface.pvd")
+    entries = collection.findall(".//DataSet")
+    assert [float(entry.attrib["timestep"]) for entry in entries] == [10, 20]
+    for entry, shift in zip(entries, (1.0, 2.0), strict=True):
+        read = meshio.read(tmp_path / "vtu" / entry.attrib["file"])
+        (body,) = read.cell_data["body"]
+        cart = np.unique(read.cells_dict["triangle"][body == 0])
+        floor = np.unique(read.cells_dict["triangle"][body == 1])
+        low = read.points[cart].min(axis=0)
+        high = read.points[cart].max(axis=0)
+        np.testing.assert_allclose((low + high) / 2, [0, shift, 1], atol=1e-6)
+        np.testing.assert_allclose(high - low, 0.1, atol=1e-6)
+        assert np.ptp(read.points[floor][:, 2]) < 1e-9
+        # By the balance of the surface, with the temperature of the same points.
+        values = read.point_data
+        kelvin = values["temperature_K"]
+        coefficient = values["heat_transfer_coefficient_W_m2K"]
+        np.testing.assert_allclose(coefficient, 10.0, rtol=1e-5)
+        flux = 10.0 * (290.0 - kelvin)
+        flux[cart] += 100.0
+        np.testing.assert_allclose(values["heat_flux_W_m2"], flux, rtol=2e-4)
+        back = 10.0 * (290.0 - values["temperature_back_K"][floor])
+        np.testing.assert_allclose(
+            values["heat_flux_back_W_m2"][floor], back, rtol=2e-4
+        )
 
 
 def glb_array(path, attribute):
