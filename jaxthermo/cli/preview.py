@@ -50,7 +50,12 @@ def preview(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
                 )
                 for body, mesh, pose in zip(scene.bodies, meshes, poses, strict=True)
             ]
-            image, visible = draw_preview(bodies, camera, scene.name or "")
+            image, visible = draw_preview(
+                bodies,
+                camera,
+                title=scene.name or "",
+                names=[body.name or "" for body in scene.bodies],
+            )
             write_png(folder / _FILE, image)
         unseen = sorted(set(range(len(meshes))) - set(visible))
         for line in grouped_lines(

@@ -138,7 +138,9 @@ def progress_bar() -> Iterator[Progress]:
             yield progress
         return
     notebook: Any = importlib.import_module("IPython.display")
-    shown = _NotebookProgress(notebook.display({}, raw=True, display_id=True))
+    shown = _NotebookProgress(
+        notebook.display({"text/plain": ""}, raw=True, display_id=True)
+    )
     try:
         yield shown
     finally:

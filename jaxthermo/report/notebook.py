@@ -50,7 +50,9 @@ class _Shown(NamedTuple):
 
 def html_of(value: Any) -> str:
     """The HTML of a value of a class that has `_repr_html_`."""
-    shown = _Shown(None, [repr(value)]) if is_traced(value) else _shown(value)
+    shown = _Shown(None, [f"{type(value).__name__} of traced values"])
+    if not is_traced(value):
+        shown = _shown(value)
     lines = [*shown.lines]
     if len(lines) > _MAX_LINES:
         more = len(lines) - _MAX_LINES + 1
@@ -132,9 +134,7 @@ def _solution_lines(solution: AbstractSolution) -> Iterator[str]:
 
 @_shown.register
 def _mesh(mesh: Mesh) -> _Shown:
-    return _Shown(
-        _preview([mesh], [Pose()]), [f"Mesh {mesh.name}: {mesh_summary(mesh)}"]
-    )
+    return _Shown(_preview([mesh], [Pose()]), [f"Mesh {mesh_summary(mesh)}"])
 
 
 @_shown.register
@@ -148,7 +148,8 @@ def _grid(grid: AbstractGrid) -> _Shown:
 @_shown.register
 def _scene(scene: Scene) -> _Shown:
     bodies = bodies_with_surface(scene)
-    lines = [f"Scene: {len(scene.bodies)} bodies, state in {scene.dtype}"]
+    noun = "body" if len(scene.bodies) == 1 else "bodies"
+    lines = [f"Scene: {len(scene.bodies):,} {noun}, state in {scene.dtype}"]
     for number, body in enumerate(bodies):
         structure = body.structure
         nodes = count(structure.node_count, "node")
@@ -156,7 +157,9 @@ def _scene(scene: Scene) -> _Shown:
         lines.append(f"{label}: {type(structure).__name__}, {nodes}")
     lines.append(f"terms: {', '.join(term.name for term in scene.terms) or 'none'}")
     meshes = [body.structure.grid.mesh for body in bodies]
-    return _Shown(_preview(meshes, [body.pose.at(0.0) for body in bodies]), lines)
+    poses = [body.pose.at(0.0) for body in bodies]
+    names = [body.name for body in bodies]
+    return _Shown(_preview(meshes, poses, names), lines)
 
 
 @_shown.register
@@ -172,12 +175,14 @@ def _receipt(receipt: Receipt) -> _Shown:
     return _Shown(None, lines)
 
 
-def _preview(meshes: Sequence[Mesh], poses: Sequence[Pose]) -> Picture:
+def _preview(
+    meshes: Sequence[Mesh], poses: Sequence[Pose], names: Sequence[str] = ()
+) -> Picture:
     """Shaded picture of meshes, seen from the front; an open one from both sides."""
     placed = [
         WorldMesh(pose.to_world(mesh.vertices), mesh.faces, not mesh.is_watertight)
         for mesh, pose in zip(meshes, poses, strict=True)
     ]
     triangles = np.concatenate([body.vertices[body.faces] for body in placed])
-    drawn, _ = draw_preview(placed, frame_all(triangles, _WIDTH, _HEIGHT))
+    drawn, _ = draw_preview(placed, frame_all(triangles, _WIDTH, _HEIGHT), names=names)
     return drawn

@@ -1,7 +1,9 @@
 """Code of the documentation, run as a reader would run it."""
 
 import itertools
+import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -75,6 +77,23 @@ def test_python_of_a_page_runs(page, tmp_path):
             code += OTHER
         code += text + "\n"
     run(["-c", code + READS_FILES.get(name(page), "")], tmp_path)
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_and_shows_its_values(tmp_path):
+    # A kernel runs in the folder of its notebook, and writes there.
+    shutil.copy(ROOT / "docs" / "examples" / "notebook.ipynb", tmp_path)
+    output = tmp_path / "executed.ipynb"
+    options = ["--to", "notebook", "--execute", "--output", output.name]
+    run(["-m", "nbconvert", "notebook.ipynb", *options], tmp_path)
+    cells = json.loads(output.read_text())["cells"]
+    outputs = [cell["outputs"] for cell in cells if cell["cell_type"] == "code"]
+    assert not [o for row in outputs for o in row if o["output_type"] == "error"]
+    pages = ["".join(row[-1]["data"].get("text/html", "")) for row in outputs]
+    drawn = ["<img src='data:image/png;base64," in page for page in pages]
+    # All but the receipt and the values of the probe.
+    assert drawn == [True, True, True, True, False, True, False, True]
+    assert "included:" in pages[4] and pages[6] == ""
 
 
 @pytest.mark.slow

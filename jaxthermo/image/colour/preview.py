@@ -1,6 +1,6 @@
 """Preview of a scene: its bodies as the camera frames them, shaded, without heat."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import UInt8
@@ -24,14 +24,19 @@ _MIN_ARROW = 0.08
 
 
 def draw_preview(
-    bodies: Sequence[WorldMesh], camera: AbstractCamera, title: str = ""
+    bodies: Sequence[WorldMesh],
+    camera: AbstractCamera,
+    title: str = "",
+    names: Sequence[str] = (),
 ) -> tuple[Image.Image, list[int]]:
-    """Draw bodies with a light at the camera, their numbers, and the world's axes.
+    """Draw bodies with a light at the camera, their names, and the world's axes.
 
     Args:
         bodies: their meshes in the world.
         camera: of the frames.
         title: text below the image.
+        names: of the bodies; one without a name, or all if there are none, are called
+            by their numbers.
 
     Returns:
         The picture, and the numbers of the bodies in it.
@@ -50,9 +55,9 @@ def draw_preview(
     canvas.paste(Image.fromarray(pixels), (0, 0))
     drawn_bodies = np.unique(visible.body).tolist()
     if len(bodies) > 1:
-        _draw_numbers(
-            canvas, visible=visible, fine=fine, drawn_bodies=drawn_bodies, layout=layout
-        )
+        named = dict(enumerate(names))
+        labels = {n: named.get(n) or f"body {n}" for n in drawn_bodies}
+        _draw_labels(canvas, visible=visible, fine=fine, labels=labels, layout=layout)
     _draw_axes(canvas, camera, layout)
     caption = layout.shorten(title, width - 2 * layout.gap)
     at = (width - layout.gap, height + strip // 2)
@@ -82,15 +87,15 @@ def _shaded(
     return camera.frame_of(visible.pixel, colours, _BACKGROUND)
 
 
-def _draw_numbers(
+def _draw_labels(
     canvas: Image.Image,
     visible: VisiblePoints,
     fine: AbstractCamera,
-    drawn_bodies: list[int],
+    labels: Mapping[int, str],
     layout: Layout,
 ) -> None:
     draw = ImageDraw.Draw(canvas)
-    for number in drawn_bodies:
+    for number, label in labels.items():
         pixel = visible.pixel[visible.body == number]
         row, column = np.divmod(pixel, fine.width)
         # On a pixel of the body: the middle of a ring is none.
@@ -98,7 +103,7 @@ def _draw_numbers(
         away = np.hypot(row - middle[0], column - middle[1])
         nearest = int(away.argmin())
         at = (column[nearest] / _SAMPLES, row[nearest] / _SAMPLES)
-        _draw_text(draw, at=at, text=f"body {number}", ink=INK, layout=layout)
+        _draw_text(draw, at=at, text=label, ink=INK, layout=layout)
 
 
 def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> None:

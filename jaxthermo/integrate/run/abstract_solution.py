@@ -5,6 +5,7 @@ what is around it: all that an image needs.
 """
 
 import abc
+import importlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from ...arrays import (
     split_times,
 )
 from ...errors import InputError
+from ...extras import require_extra
 from ...physics.radiation.irradiation import (
     Irradiance,
     SceneRadiation,
@@ -158,6 +160,20 @@ class AbstractSolution(Module):
             version=FORMAT_VERSION,
             arrays=_arrays(self.stored()),
         )
+
+    def to_xarray(self) -> Any:
+        """Return the results as an `xarray.Dataset` by time, body and mechanism.
+
+        Temperatures of fragments have the body, the position at the start [m] and the
+        area [m^2] of each; energies are NaN for mechanisms that do not act on a body.
+
+        Raises:
+            InputError: without the extra `labels`.
+        """
+        require_extra("to_xarray: it needs", package="xarray", extra="labels")
+        # By name: reports are above this folder.
+        labelled: Any = importlib.import_module("jaxthermo.report.labelled")
+        return labelled.dataset_of(self)
 
     def stored(self) -> "StoredSolution":
         """Return the part of the solution that a file stores."""

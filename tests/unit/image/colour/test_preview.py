@@ -59,6 +59,19 @@ def test_bodies_in_the_frame_are_named():
     assert numbers == [0, 2]
 
 
+def test_a_body_with_a_name_is_called_by_it():
+    bodies = [at(-0.08), at(0.08)]
+    by_number, _ = drawn(bodies, LEVEL)
+    by_name = np.asarray(draw_preview(bodies, LEVEL, "title", ["lid", ""])[0])
+    changed = (by_number != by_name[: LEVEL.height, : LEVEL.width]).any(-1)
+    # The label of the first body alone, whose middle is at column 80.
+    assert changed.any() and not changed[:, 120:].any()
+    with_numbers = draw_preview(bodies, LEVEL, "title", ["body 0", "body 1"])[0]
+    np.testing.assert_array_equal(
+        np.asarray(with_numbers)[: LEVEL.height, : LEVEL.width], by_number
+    )
+
+
 def test_a_camera_that_sees_nothing_is_refused():
     camera = Camera((0.0, -1.0, 0.0), (0.0, -2.0, 0.0), width=20, height=20)
     with pytest.raises(InputError, match="sees no body"):
