@@ -1,5 +1,6 @@
 """The picture of a frame, and the files that `image.files` names."""
 
+from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple, TypedDict
 
@@ -30,6 +31,11 @@ from ..image.radiance.image import Image, coarsen
 
 _ENDINGS = {"centikelvin": "_centikelvin.png"}
 """Endings of file names that differ from the name of their kind."""
+
+
+def start_of(config: SceneConfig) -> datetime | None:
+    """Date and time at 0 s of a scene outdoors; None for any other."""
+    return None if config.outdoors is None else config.outdoors.moment
 
 
 class _Colours(TypedDict):
@@ -110,6 +116,7 @@ class Frame(NamedTuple):
             **self._colours,
             title=self.config.name or "",
             gain=self._gain,
+            start=start_of(self.config),
         )
         return draw_measurements(
             drawn,

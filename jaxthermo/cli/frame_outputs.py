@@ -34,7 +34,7 @@ from ..progress import duration
 from ..report.columns import write_columns
 from ..report.frame_sheet import shown_on_sheet, tile_sheet
 from ..report.numbers import count
-from .frame_files import Frame
+from .frame_files import Frame, start_of
 
 
 _MEASUREMENTS = "measurements"
@@ -159,6 +159,7 @@ def write_outputs(
             palette=settings.palette,
             quantity=settings.quantity,
             title=config.name or "",
+            start=start_of(config),
         )
         write_png(path, contact_sheet)
         written.files.add(path)

@@ -1,6 +1,7 @@
 """Contact sheet of frames: all on one scale, which is drawn once."""
 
 from collections.abc import Iterable, Sequence
+from datetime import datetime
 
 import numpy as np
 from jaxtyping import UInt8
@@ -97,6 +98,7 @@ def tile_sheet(
     palette: str,
     quantity: str,
     title: str = "",
+    start: datetime | None = None,
 ) -> Picture:
     """Arrange frames that are coloured already; arguments as of `frame_sheet`.
 
@@ -110,12 +112,13 @@ def tile_sheet(
         palette: name of the palette.
         quantity: "apparent" or "surface", for the name of the scale.
         title: above the frames.
+        start: date and time at 0 s, which adds the time of day.
     """
     height, width = tiles[0].shape[:2]
     columns = even_columns(len(tiles), height / width, _SHEET_RATIO)
     edge = min(_MAX_EDGE, _MAX_SHEET // columns)
     labelled = [
-        Tile(_smaller(tile, edge), time_label(time))
+        Tile(_smaller(tile, edge), time_label(time, start))
         for tile, time in zip(tiles, times, strict=True)
     ]
     words = f"{QUANTITIES[quantity]} [\N{DEGREE SIGN}C]"

@@ -1,10 +1,16 @@
-"""Names of bodies in the terms of a scene, before it is validated: numbers of them."""
+"""Bodies in the terms of a scene, before it is validated: numbers in place of names.
+
+A side without a body is that of every body.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from pydantic import ValidationError
+
 from ...geometry.part_names import matching_parts, unmatched_name
 from ..types.model import Data, Location, Mistake, MistakesError
+from .selection import SideConfig
 
 
 _ByNames = Callable[[Data, Mapping[str, int]], Data]
@@ -18,7 +24,9 @@ def with_numbers(data: Data) -> Data:
     Raises:
         MistakesError: for names or patterns that no body has.
     """
-    names = {name: number for number, name in _names(data.get("bodies"))}
+    bodies = data.get("bodies")
+    names = {name: number for number, name in _names(bodies)}
+    count = len(bodies) if isinstance(bodies, list) else 0
     mistakes: list[Mistake] = []
 
     def numbered(item: Any, where: Location, by_names: _ByNames) -> Any:
@@ -31,7 +39,7 @@ def with_numbers(data: Data) -> Data:
     result = dict(data)
     if isinstance(data.get("terms"), list):
         result["terms"] = [
-            numbered(term, ("terms", number), _numbered_term)
+            numbered(_on_all_bodies(term, count), ("terms", number), _numbered_term)
             for number, term in enumerate(data["terms"])
         ]
     outdoors = data.get("outdoors")
@@ -65,6 +73,35 @@ def _names(bodies: object) -> list[tuple[int, str]]:
     named = [(number, body) for number, body in listed if isinstance(body, dict)]
     named = [(number, body.get("name")) for number, body in named]
     return [(number, name) for number, name in named if isinstance(name, str)]
+
+
+def _on_all_bodies(term: Any, count: int) -> Any:
+    """A term whose sides without a body are those of all bodies."""
+    if not isinstance(term, dict) or "on" not in term or count < 2:
+        return term
+    return {**term, "on": _sides_of_all(term["on"], count)}
+
+
+def _sides_of_all(selection: Any, count: int) -> Any:
+    if isinstance(selection, list):
+        return [_sides_of_all(inner, count) for inner in selection]
+    if not isinstance(selection, dict):
+        return selection
+    side = selection.get("side")
+    if len(selection) == 1 and _is_of_all(side):
+        return {"any": [{"side": {**side, "body": body}} for body in range(count)]}
+    return {key: _sides_of_all(value, count) for key, value in selection.items()}
+
+
+def _is_of_all(side: Any) -> bool:
+    if not isinstance(side, dict) or {"body", "part"} & side.keys():
+        return False
+    try:
+        SideConfig.model_validate(side)
+    except ValidationError:
+        # Its mistakes are told once, where they are.
+        return False
+    return True
 
 
 def _numbered_term(term: Data, names: Mapping[str, int]) -> Data:

@@ -125,6 +125,11 @@ class OutdoorsConfig(Model, builds="outdoors"):
             mistakes.append((("place",), "is missing: a clear_sky has none"))
         return mistakes
 
+    @property
+    def moment(self) -> datetime:
+        """Date and time of the start."""
+        return datetime.fromisoformat(self.start)
+
     @override
     def build(self, *args: Any) -> Any:
         """The terms for a run; the argument is its duration [s]."""
@@ -143,6 +148,6 @@ class OutdoorsConfig(Model, builds="outdoors"):
         arguments["longwave"] = {
             plane: surface.build() for plane, surface in (self.longwave or {}).items()
         }
-        arguments["start"] = datetime.fromisoformat(self.start)
+        arguments["start"] = self.moment
         arguments["weather"] = clear_sky or weather_file
         return self.target()(duration=duration, **arguments)

@@ -43,8 +43,8 @@ def _misplaced(part: Any) -> list[Mistake]:
     return [] if part is None else [(("part",), message)]
 
 
-class _SideConfig(_OnBody, builds="Side"):
-    """The surface that faces a direction."""
+class SideConfig(_OnBody, builds="Side"):
+    """The surface that faces a direction; in a term without a body, of all bodies."""
 
     normal: Direction
     half_angle: Annotated[Angle, Field(gt=0, le=math.pi)] = math.pi / 4
@@ -143,7 +143,7 @@ class _Selection(Model):
 class WhereConfig(_Selection):
     """The part of the surface on which a term acts."""
 
-    side: _SideConfig | None = None
+    side: SideConfig | None = None
     face: _AnyFace | None = None
     fragments: _FragmentsConfig | None = None
 

@@ -1,6 +1,7 @@
 """Annotated frames: image, temperature scale, time and title; contact sheets."""
 
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -138,6 +139,7 @@ def annotate(
     quantity: str = "",
     beyond: tuple[bool, bool] = (False, False),
     gain: Gain | None = None,
+    start: datetime | None = None,
 ) -> Image.Image:
     """Add a temperature scale, the time and a title to a coloured image.
 
@@ -151,6 +153,7 @@ def annotate(
         quantity: name of what the colours show, above the scale.
         beyond: flags of values below `low` and above `high`, marked at the scale.
         gain: curve of the colours over the temperature; linear if None.
+        start: date and time at 0 s, which adds the time of day.
 
     Returns:
         A larger image, of a size that does not depend on `beyond`.
@@ -183,7 +186,7 @@ def annotate(
     panel = 2 * gap + bar_width + layout.line + gap + widest + gap
     panel = max(panel, *(3 * gap + layout.width(line) for line in heads))
     strip = round(1.3 * text) + gap
-    stamp = time_label(float(time))
+    stamp = time_label(float(time), start)
     total_width = max(width + panel, layout.width(stamp) + 2 * gap)
     tall = max(height, top + bar_height + gap + spare)
 

@@ -1,5 +1,6 @@
 """Pictures of frames in false colours."""
 
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,7 @@ def picture(
     title: str = "",
     samples: int = 1,
     gain: Gain | None = None,
+    start: datetime | None = None,
 ) -> Picture:
     """Draw a frame in false colours, with the time and a scale that names the quantity.
 
@@ -100,6 +102,7 @@ def picture(
         samples: pixels of the image along each axis, not coarsened yet, whose colours
             become one pixel.
         gain: curve of the colours over the temperature; linear if None.
+        start: date and time at 0 s, which adds the time of day.
 
     Raises:
         InputError: for an unknown quantity or palette, limits not in order, or
@@ -126,6 +129,7 @@ def picture(
             kelvin, on_body=drawn, ends=(float(low), float(high)), samples=samples
         ),
         gain=gain,
+        start=start,
     )
 
 

@@ -1,6 +1,7 @@
 """Ticks of a scale, and text of numbers, temperatures and times."""
 
 import math
+from datetime import datetime, timedelta
 
 from ...constants import ZERO_CELSIUS
 from ...progress import duration
@@ -80,6 +81,14 @@ def to_celsius(temperature: float) -> float:
     return temperature - ZERO_CELSIUS
 
 
-def time_label(time: float) -> str:
-    """Format a time [s]: "t = 90 s", "t = 12 min 30 s", "t = 3 h 05 min"."""
-    return f"t = {duration(time)}"
+def time_label(time: float, start: datetime | None = None) -> str:
+    """Format a time [s]: "t = 90 s", "t = 3 h 05 min".
+
+    With the date and time of the start: "14:05, t = 3 h 05 min".
+    """
+    label = f"t = {duration(time)}"
+    if start is None:
+        return label
+    # By whole seconds: rounding must not show the second before.
+    now = start + timedelta(seconds=round(time))
+    return f"{now:%H:%M:%S}, {label}" if now.second else f"{now:%H:%M}, {label}"

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.geometry import PartsShape, PoseConfig
 from jaxthermo.config.schema.image import OrthographicConfig, PinholeConfig
 from jaxthermo.config.schema.material import _MaterialConfig
+from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.image.surface.camera import Camera, OrthographicCamera
 from jaxthermo.integrate.solvers import ForwardEuler
@@ -21,7 +23,7 @@ from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.time_varying import Table, Until
 from jaxthermo.scene.scene import MaterialMap
-from jaxthermo.voxels.selection import Region, Side
+from jaxthermo.voxels.selection import FragmentCentres, Region, Side
 
 
 SCENE = """
@@ -48,6 +50,43 @@ terms:
 time: {end: 60, save_at: [60]}
 solver: {dt: 0.5}
 """
+
+
+def test_a_side_without_a_body_is_that_of_all_bodies(tmp_path: Path):
+    """As every term without `on` acts on all bodies; one with a body stays there."""
+    box = "{shape: {kind: box, size: [0.1, 0.1, 0.1]}, pitch: 5 cm, "
+    rest = "material: copper, temperature: 300}"
+    fluxes = [
+        f"{{kind: heat_flux, heat_flux: 1, on: {on}}}"
+        for on in (
+            "{side: {normal: [0, 0, 1]}}",
+            "{side: {normal: [0, 0, 1], body: 1}}",
+            "{all: [{side: {normal: [0, 0, 1]}}, {body: 1}]}",
+            "{not: {side: {normal: [0, 0, 1]}}}",
+        )
+    ]
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        f"bodies: [{box}{rest}, {box}{rest}]\n"
+        f"terms: [{', '.join(fluxes)}]\n"
+        "time: {end: 60, save_at: [60]}\n"
+    )
+    config = load_config(path)
+    terms: Any = config.build_terms()
+    everywhere, second, both, others = (term.on for term in terms)
+    up = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    fragments = FragmentCentres(np.zeros((2, 3)), up)
+    assert [s.bodies for s in (everywhere, second, both)] == [(0, 1), (1,), (1,)]
+    for body in (0, 1):
+        part = everywhere.on_body(body)
+        assert part is not None and part.select(fragments).tolist() == [True, False]
+        rest_of_body = others.on_body(body)
+        assert rest_of_body is not None
+        assert rest_of_body.select(fragments).tolist() == [False, True]
+    with pytest.raises(InputError) as caught:
+        load_config(path, ("terms.0.on.side.normal=[0, 0]",))
+    assert "terms.0.on.side.normal" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_scene_holds_what_the_config_says(tmp_path: Path):

@@ -95,14 +95,14 @@ TERMS = {
         (0.0, 3.0, 0.0), 290.0, wake=jt.FittedWake()
     ),
     "{kind: sun, direction: [0, 0, -1], irradiance: 9, on: {not: {any: [{body: 1}, "
-    "{side: {normal: [1, 0, 0]}}]}}}": jt.Sun(
+    "{side: {normal: [1, 0, 0], body: 0}}]}}}": jt.Sun(
         (0.0, 0.0, -1.0), 9.0, on=~(jt.Everything(1) | jt.Side((1.0, 0.0, 0.0)))
     ),
     "{kind: linear_wind, speed: 36 km/h, temperature: 290, calm: 4, by_speed: 2 "
     "J/(m^3 K)}": jt.LinearWind(10.0, 290.0, calm=4.0, by_speed=2.0),
     "{kind: free_convection, temperature: 290}": jt.FreeConvection(290.0),
-    "{kind: free_convection, temperature: 290, on: {all: [{side: {normal: [1, 0, 0]}}, "
-    "{region: {lower: [0, 0, 0], upper: [1, 1, 1]}}]}}": jt.FreeConvection(
+    "{kind: free_convection, temperature: 290, on: {all: [{side: {normal: [1, 0, 0], "
+    "body: 0}}, {region: {lower: [0, 0, 0], upper: [1, 1, 1]}}]}}": jt.FreeConvection(
         290.0, on=jt.Side((1.0, 0.0, 0.0))
         & jt.Region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     ),
@@ -123,7 +123,7 @@ TERMS = {
         -5.0, on=jt.Everything(body=1)
     ),
     "{kind: heat_flux, heat_flux: 5, on: {side: {normal: [1, 0, 0], half_angle: "
-    "180 deg}}}": jt.HeatFlux(
+    "180 deg, body: 0}}}": jt.HeatFlux(
         5.0, on=jt.Side((1.0, 0.0, 0.0), half_angle=math.pi)
     ),
     "{kind: fixed_temperature, temperature: 350, on: {region: {lower: [0, 0, 0], "

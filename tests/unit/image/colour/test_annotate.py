@@ -1,5 +1,7 @@
 """Frames: ticks and labels that tell the truth, sizes that fit."""
 
+from datetime import datetime
+
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw, ImageFont
@@ -72,6 +74,20 @@ def test_labels():
 )
 def test_time_label(time, text):
     assert time_label(time) == text
+
+
+@pytest.mark.parametrize(
+    ("time", "text"),
+    [
+        (0.0, "22:30, t = 0 s"),
+        (5430.0, "00:00:30, t = 1 h 30 min"),
+        (7199.9999, "00:30, t = 2 h 00 min"),
+    ],
+)
+def test_the_time_of_day_follows_from_the_start(time, text):
+    """It is that of the start's own zone."""
+    start = datetime.fromisoformat("2026-06-21T22:30+02:00")
+    assert time_label(time, start) == text
 
 
 @pytest.mark.parametrize(
