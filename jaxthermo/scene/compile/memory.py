@@ -18,6 +18,7 @@ from ...host_memory import require_memory
 from ...parallel.devices import require_device_memory
 from ...structures.kinds.full import FullVolume
 from ...structures.structure import AbstractStructure
+from ..motion import Motion
 from ..scene import AbstractMaterials, Body, Scene
 from .groups import as_links, grouped_numbers
 from .program import Compiled
@@ -59,7 +60,14 @@ _KEPT_RUNS = _Parts(faces=100, fragments=222, surface_nodes=82)
 _KEPT_VOXEL_LINKS = _Parts(links=43)
 # Conductances of three faces and the capacity of each cell.
 _KEPT_MIXED_STENCIL = _Parts(values=16)
-_KEPT_SNAPSHOT = _Parts(fragments=75)
+# Copies in the network and in the surface that several bodies share.
+_KEPT_JOINED = _Parts(faces=108, fragments=264, nodes=16, links=40)
+# Of its voxels alone: bodies of one structure have them once.
+_KEPT_ONCE = _Parts(fragments=96, nodes=52, links=40)
+# Of every further snapshot: what sources that move, and bodies that move beside it,
+# change on a body at rest; and all that follows from the place of one that moves.
+_KEPT_SNAPSHOT = _Parts(fragments=30)
+_KEPT_MOVED = _Parts(faces=150, fragments=98)
 
 # Two states of a step, five of stages; a solve has a dozen, and the levels' own.
 _STEPS_STENCIL: dict[Method, _Parts] = {
@@ -136,19 +144,26 @@ def forecast_memory(
         for number, body in enumerate(scene.bodies)
     ]
     bodies = []
-    for body, structure in zip(scene.bodies, structures, strict=True):
+    known: set[int] = set()
+    for number, (body, structure) in enumerate(
+        zip(scene.bodies, structures, strict=True)
+    ):
         forecast = partial(
             _body_forecast,
             structure,
             is_mixed=isinstance(body.material, AbstractMaterials),
             varies=has_varying_links(body),
+            is_joined=number in joined,
+            is_known=id(structure) in known,
             width=width,
             saves=saves,
             snapshots=snapshots,
+            moves=isinstance(body.pose, Motion),
             method=method,
         )
         by = "memory", *forecast.keywords.values()
         bodies.append(structure.found(by, forecast))
+        known.add(id(structure))
     stencils = any(len(structure.state_shape) == 3 for structure in structures)
     allocator = _RUNTIME_STENCIL if stencils else 0
     retained, steps, rows, runtime = np.sum(bodies, axis=0)
@@ -173,9 +188,12 @@ def _body_forecast(
     structure: AbstractStructure,
     is_mixed: bool,
     varies: bool,
+    is_joined: bool,
+    is_known: bool,
     width: int,
     saves: int,
     snapshots: int,
+    moves: bool,
     method: Method,
 ) -> _BodyForecast:
     counts = structure.found("part_counts", lambda: _counts(structure))
@@ -207,7 +225,12 @@ def _body_forecast(
         eliminated = _RUNTIME_COLUMNS.get(method, _Parts())
         runtime += eliminated.bytes_of(counts) * width / 4
     retained += solves.get(method, _Parts()).bytes_of(counts)
-    retained += (snapshots - 1) * _KEPT_SNAPSHOT.bytes_of(read)
+    if is_joined:
+        retained += _KEPT_JOINED.bytes_of(counts)
+    if is_joined and is_known:
+        retained -= _KEPT_ONCE.bytes_of(counts)
+    kept_snapshot = _KEPT_MOVED if moves else _KEPT_SNAPSHOT
+    retained += (snapshots - 1) * kept_snapshot.bytes_of(read)
     if varies:
         retained += structure.link_count * (8 * width + 8)
     return _BodyForecast(
