@@ -25,10 +25,12 @@ app = make_app("experiments", "Run measurements by name, and compare their resul
 
 @app.command(name="list")
 def _list_all() -> None:
-    """List the experiments."""
+    """List the experiments in groups."""
     width = max(len(experiment.name) for experiment in catalogue.EXPERIMENTS)
-    for experiment in catalogue.EXPERIMENTS:
-        sys.stdout.write(f"{experiment.name:{width}}  {experiment.about}\n")
+    for title, experiments in catalogue.in_groups().items():
+        sys.stdout.write(f"{title}:\n")
+        for experiment in experiments:
+            sys.stdout.write(f"  {experiment.name:{width}}  {experiment.about}\n")
 
 
 @app.command
@@ -52,8 +54,8 @@ def _run(
         name: Name of an experiment in `list`, "benchmarks" for all benchmarks on one
             page, or "thesis" for every table and figure of the thesis.
         config: Config of an experiment that takes one, a YAML file; the shipped config
-            by default. For `front` and `budget` that of a sweep; `front` also takes the
-            folder of a finished sweep.
+            by default. For `front` and `budget` that of a sweep, or the folder of a
+            finished one.
         height: Number of voxels along z, instead of that of the config.
         cases: Cases of an experiment that has several, such as S01,S06; for `thesis`
             exhibits or claims, such as figure-4.3,C09.

@@ -183,6 +183,25 @@ EXPERIMENTS = (
 )
 
 
+# Titles of the groups of a list, by the folders of their modules.
+_TITLES = {
+    "benchmarks": "benchmarks, all with `experiments run benchmarks`",
+    "front": "error against run time",
+    "thesis": "the thesis, all with `experiments run thesis`",
+}
+_OTHERS = "how true it is"
+
+
+def in_groups() -> dict[str, list[Experiment]]:
+    """The experiments by the title of their group."""
+    groups: dict[str, list[Experiment]] = {
+        title: [] for title in (*_TITLES.values(), _OTHERS)
+    }
+    for experiment in EXPERIMENTS:
+        groups[_TITLES.get(experiment.group, _OTHERS)].append(experiment)
+    return groups
+
+
 def find(name: str) -> tuple[Experiment, ...]:
     """The experiment of that name, or else those of that group.
 

@@ -7,7 +7,7 @@ determined weights may still run slower than the full volume, or be worse at lat
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from jaxthermo.report.numbers import padded
+from jaxthermo.report.numbers import padded, with_range
 
 from ..config.fit_record import (
     ErrorsByCase,
@@ -245,7 +245,7 @@ def _error_words(rows: list[TimeErrors], worse: list[TimeErrors]) -> str:
 def _speed_words(speedup: SpeedRatio) -> str:
     low = number_of(speedup["min"])
     high = number_of(speedup["max"])
-    ratio = f"{speedup['times_faster']:.3g} ({low:.3g} to {high:.3g})"
+    ratio = with_range(number_of(speedup["times_faster"]), low=low, high=high)
     if low > 1:
         return f"a run is {ratio} times as fast as the full volume's"
     if high < 1:

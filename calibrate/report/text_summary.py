@@ -5,7 +5,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
 from jaxthermo.host_memory import readable_bytes
-from jaxthermo.report.numbers import count, is_finite, padded
+from jaxthermo.report.numbers import (
+    count,
+    is_finite,
+    padded,
+    significant,
+    with_range,
+)
 from jaxthermo.report.table import Cell, Table
 
 from ..analysis.verdict import TimeErrors, TruthTime, time_errors, truth_times
@@ -296,12 +302,15 @@ def _speed(result: FitRecord) -> list[str]:
     if not is_finite(speed["times_faster"]):
         return []
     runs = count(len(speed["run_time_s"]["fitted"]), "warm run")
+    median, low, high = (
+        number_of(speed[key]) for key in ("times_faster", "min", "max")
+    )
+    before = significant(number_of(speed["default"]["times_faster"]))
     nodes = speed["nodes"]
     steps = speed["steps"]
     return [
-        f"A run is {speed['times_faster']:.3g} times as fast as the full volume's "
-        f"({speed['min']:.3g} to {speed['max']:.3g} in {runs}; "
-        f"{speed['default']['times_faster']:.3g} before the fit), "
+        f"A run is {with_range(median, low=low, high=high)} times as fast as the full "
+        f"volume's (in {runs}; {before} before the fit), "
         f"with {nodes['fitted']:,} nodes for {nodes['full_volume']:,} "
         f"and {steps['fitted']:,} steps for {steps['full_volume']:,}."
     ]

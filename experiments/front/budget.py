@@ -64,7 +64,8 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     console = open_console()
     if config is None and not _DEFAULT.is_file():
         raise InputError(f"the standard budget, {path}, is not installed: name a file")
-    sweep_config = load_sweep(path)
+    # As the folder of a finished sweep has it.
+    sweep_config = load_sweep(path / "config.yaml" if path.is_dir() else path)
     cases = [
         case
         for choice in choices(sweep_config)

@@ -30,8 +30,17 @@ def seconds_with_range(median: float, fastest: float, slowest: float) -> str:
     return f"{spread} {unit}"
 
 
+# Largest value over the smallest one above which their median says nothing.
+_WIDE = 10.0
+
+
 def with_range(median: float, low: float, high: float) -> str:
-    """A median with the range of the values: "8.1 (7.5-9)"."""
+    """A median with the range of the values: "8.1 (7.5-9)".
+
+    A range wider than tenfold is there alone: "1.2 to 312".
+    """
+    if low > 0 and high > _WIDE * low:
+        return f"{significant(low)} to {significant(high)}"
     return f"{significant(median)} ({significant(low)}-{significant(high)})"
 
 

@@ -2,8 +2,9 @@
 
 import pytest
 
+from experiments import catalogue
 from experiments.__main__ import main
-from tests.cli.cli_runs import run
+from tests.cli.cli_runs import run, succeed
 
 
 @pytest.mark.parametrize(
@@ -35,6 +36,19 @@ def test_a_mistake_is_one_line_and_status_2(tmp_path, arguments, message, monkey
     assert (code, out) == (2, "")
     assert err.startswith("experiments: ") and err.count("\n") == 1
     assert message in err
+
+
+def test_the_list_is_in_groups():
+    text = succeed("list", main=main)
+    titles = [line for line in text.splitlines() if not line.startswith("  ")]
+    assert [title.split(",")[0] for title in titles] == [
+        "benchmarks",
+        "error against run time:",
+        "the thesis",
+        "how true it is:",
+    ]
+    names = [line.split()[0] for line in text.splitlines() if line.startswith("  ")]
+    assert sorted(names) == sorted(e.name for e in catalogue.EXPERIMENTS)
 
 
 def test_meshes_that_are_missing_say_where_to_put_them(tmp_path, monkeypatch):

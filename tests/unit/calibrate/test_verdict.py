@@ -17,7 +17,7 @@ LATE = errors_of([4.0, 1.0], [2.0, 1.5])
 def test_a_faster_fit_with_less_error_everywhere_pays():
     verdict = judge(BETTER, FAST, is_of_weights=True)
     assert verdict["pays"] and (verdict["times"], verdict["worse"]) == (2, 0)
-    assert "the fit pays" in verdict["words"] and "5 (4 to 6) times" in verdict["words"]
+    assert "the fit pays" in verdict["words"] and "5 (4-6) times" in verdict["words"]
 
 
 def test_an_error_that_is_larger_at_one_time_is_told_with_its_time():

@@ -14,6 +14,7 @@ from experiments.front import budget
 from experiments.front.budget import budget_lines, write_budget
 from experiments.harness.record import Record
 from jaxthermo.accuracy.truth_error import AtPoints, TruthPoints
+from jaxthermo.config.loader import to_yaml
 from tests.sweeping import SWEEP, sweep_file
 
 
@@ -193,4 +194,9 @@ def test_a_whole_budget_has_the_errors_of_its_runs_and_goes_on(tmp_path, monkeyp
     assert [line["choice"] for line in again] == [
         line["choice"] for line in lines.values()
     ]
+    # The folder of a finished sweep stands for its config.
+    folder = tmp_path / "finished"
+    folder.mkdir()
+    (folder / "config.yaml").write_text(to_yaml(load_sweep(path)))
+    assert budget.run(out, folder)["table"] == again
     assert (out / "rows.jsonl").read_text() == content

@@ -114,6 +114,9 @@ def test_numbers_have_three_digits_and_a_unit():
     assert seconds(0.0134) == "13.4 ms" and seconds(1084.6) == "1,085 s"
     assert seconds_with_range(0.013, 0.012, 0.015) == "13 (12-15) ms"
     assert with_range(8.1, 7.5, 9.0) == "8.1 (7.5-9)"
+    # Their median would say nothing.
+    assert with_range(3.3, 1.2, 312.0) == "1.2 to 312"
+    assert with_range(0.0, 0.0, 5.0) == "0 (0-5)"
     texts = [padded(v) for v in (2.8, 0.5, 12.0, 123.4)]
     assert texts == ["2.80", "0.500", "12.0", "123"]
     assert padded(0.0) == "0.00" and padded(999.6) == "1,000"
