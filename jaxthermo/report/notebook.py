@@ -63,7 +63,8 @@ def html_of(value: Any) -> str:
     buffer = io.BytesIO()
     shown.picture.save(buffer, "PNG")
     data = base64.b64encode(buffer.getvalue()).decode()
-    return f"<div><img src='data:image/png;base64,{data}'><br>{text}</div>"
+    alt = html.escape(lines[0])
+    return f"<div><img alt='{alt}' src='data:image/png;base64,{data}'><br>{text}</div>"
 
 
 @singledispatch
