@@ -1,7 +1,7 @@
 """A photovoltaic module in measured irradiance, wind and air."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from typing_extensions import override
 import jaxthermo as jt
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
+from jaxthermo.choices import FaceName
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.physics.convection.linear_wind import linear_in
 from jaxthermo.physics.heat_source import VolumeBinding
@@ -90,7 +91,7 @@ def scene(
     air = kelvin(columns["air_temperature_C"])
     thickness = float(sum(layer.thickness for layer in MODULE))
     sheet = jt.Sheet(jt.shapes.rectangle(1.0, 1.45), MODULE, pitch=2.0, cells=1)
-    emissivities = {"front": 0.84, "back": 0.85}
+    emissivities: Mapping[FaceName, float] = {"front": 0.84, "back": 0.85}
     body = jt.Body(
         sheet,
         temperature=float(air[0]),

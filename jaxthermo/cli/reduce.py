@@ -5,7 +5,7 @@ import statistics
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +15,7 @@ from ..accuracy.error_records import finite_number
 from ..accuracy.truth_error import TruthError, truth_error
 from ..arrays import precision
 from ..atomic import write_json, write_text
+from ..choices import ReductionMethod
 from ..config.loader import config_hash, load_config, resolved, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.quantities import NUMBER, to_si
@@ -65,7 +66,8 @@ def reduce(
             scene,
             t1=scene_config.time.last,
             save_at=scene_config.time.save_times,
-            method=method,
+            # Refused there, if it is none.
+            method=cast(ReductionMethod, method),
             log=functools.partial(print_line, console),
             size=size,
             tolerance=fraction,

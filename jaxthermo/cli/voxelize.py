@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import cast, get_args
 
 from ..atomic import write_text
+from ..choices import UpAxis
 from ..config.types.quantities import LENGTH, to_si
 from ..console.results_folder import results_folder
 from ..console.terminal import open_console, print_line, status
@@ -38,7 +39,7 @@ def voxelize(
     if (unit is None) == (height is None):
         raise InputError(f"{mesh}: give either --unit, such as mm, or --height")
     target = None if height is None else _length("--height", height)
-    loaded = load_mesh(mesh, unit=unit, height=target, up=up)
+    loaded = load_mesh(mesh, unit=unit, height=target, up=cast(UpAxis, up))
     console = open_console()
     print_line(console, mesh_summary(loaded))
     with results_folder(out) as folder:

@@ -8,6 +8,7 @@ from equinox import Module
 from jaxtyping import Float
 
 from ..arrays import Scalar, is_traced
+from ..choices import ChannelEnds, ChannelWalls, Inlet
 from ..errors import InputError
 from .body import Links, RoundBody, SolidCells, body_links, solid_cells
 from .lattice import MAGIC, SOUND
@@ -54,11 +55,11 @@ class Channel(Module):
     """Kinematic viscosity [cells^2 per step]."""
     body: Any = eqx.field(static=True, default=None, converter=_plain_body)
     """A `RoundBody`, or a mask of solid cells of the domain's shape; None without."""
-    inlet: str = eqx.field(static=True, default="plug")
+    inlet: Inlet = eqx.field(static=True, default="plug")
     """Speed across the inlet: even ("plug"), or a long channel's ("poiseuille")."""
-    walls: str = eqx.field(static=True, default="slip")
+    walls: ChannelWalls = eqx.field(static=True, default="slip")
     """"no_slip", "slip" or "periodic"."""
-    ends: str = eqx.field(static=True, default="open")
+    ends: ChannelEnds = eqx.field(static=True, default="open")
     """"open", or "periodic" without an inlet, where a force drives the flow."""
     force: tuple[Scalar, Scalar] | None = None
     """Force on the fluid along x and y [cells per step^2, at density 1]."""

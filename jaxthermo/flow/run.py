@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..arrays import precision
+from ..choices import Kernels
 from ..errors import InputError, whole_number
 from ..host_memory import require_memory
 from ..native.call import check_kernels, require_native
@@ -81,7 +82,7 @@ def simulate_flow(
     dtype: str = "float32",
     start: Callable[..., FlowState] = initial_state,
     progress: Callable[[FlowProgress], None] | None = None,
-    kernels: str | None = None,
+    kernels: Kernels = None,
 ) -> FlowRun:
     """Run a flow from rest in equilibrium, with means over its later part.
 

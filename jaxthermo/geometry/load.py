@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..choices import UpAxis
 from ..errors import InputError, positive_length
 from ..memo.stored import stored
 from .files.file_mesh import FileMesh
@@ -20,7 +21,7 @@ def load_mesh(
     *,
     unit: str | float | int | None = None,
     height: float | int | None = None,
-    up: str = "z",
+    up: UpAxis = "z",
     repair: bool = True,
     max_hole_edges: int = MAX_HOLE_EDGES,
 ) -> Mesh:

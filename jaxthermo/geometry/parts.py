@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Int
 
+from ..choices import UpAxis
 from .files.file_mesh import FileMesh, unique_labels
 from .files.read import read_contents, read_mesh
 from .load import FileScale, file_scale, placed_mesh
@@ -20,7 +21,7 @@ def load_parts(
     *,
     unit: str | float | int | None = None,
     height: float | int | None = None,
-    up: str = "z",
+    up: UpAxis = "z",
 ) -> dict[str, Mesh]:
     """Read the named parts of a mesh file, each as a separate mesh.
 

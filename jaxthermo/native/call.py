@@ -12,6 +12,7 @@ import jax
 import jaxlib.version
 import numpy as np
 
+from ..choices import Kernels
 from ..errors import InputError
 from ..extras import require_extra
 
@@ -34,7 +35,7 @@ def called(loop: str, results: Any, *arguments: Any, in_place: int = 0) -> Any:
     )(*arguments)
 
 
-def check_kernels(kernels: str | None, where: str) -> None:
+def check_kernels(kernels: Kernels, where: str) -> None:
     """Check the name of kernels: "numba", or None for those of XLA.
 
     Raises:
@@ -67,7 +68,7 @@ def require_native(feature: str) -> None:
         ) from error
 
 
-def native_kernels() -> str | None:
+def native_kernels() -> Kernels:
     """Kernels "numba" where they can be compiled and called, else None."""
     try:
         require_native("numba")

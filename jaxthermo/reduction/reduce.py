@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from typing_extensions import override
 
+from ..choices import ReductionMethod
 from ..errors import InputError, require
 from ..host_memory import require_memory
 from ..integrate.run.abstract_solution import StoredSolution
@@ -37,7 +38,7 @@ def reduce(
     *,
     size: int | None = None,
     tolerance: float | None = None,
-    method: str = "krylov",
+    method: ReductionMethod = "krylov",
     log: Log = lambda text: None,
 ) -> ReducedModel:
     """Reduce a linear scene to a few modes, for loads of its own patterns.

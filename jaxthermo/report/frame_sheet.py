@@ -8,6 +8,7 @@ from jaxtyping import UInt8
 from PIL import Image as Pictures
 from PIL.Image import Image as Picture
 
+from ..choices import Quantity
 from ..errors import InputError
 from ..image.colour.frame_values import QUANTITIES
 from ..image.colour.picture import beyond_scale, coloured
@@ -38,7 +39,7 @@ def frame_sheet(
     low: float,
     high: float,
     palette: str = "iron",
-    quantity: str = "apparent",
+    quantity: Quantity = "apparent",
     title: str = "",
 ) -> Picture:
     """Arrange frames on one sheet with their times and their common scale.

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from ..choices import Inside
 from ..errors import InputError, require
 from ..geometry.equal_parts import placed_parts
 from ..geometry.mesh import Mesh
@@ -38,7 +39,7 @@ class Rule:
     surface_map: AbstractSurfaceMap = FluxCorrectedMap()
     coatings: tuple[Coating, ...] = ()
     """Radiative properties of parts of the surface, later ones on top."""
-    inside: str = "closed"
+    inside: Inside = "closed"
     """With "open", air, sun and surroundings act in closed cavities as well."""
 
     @property

@@ -13,6 +13,7 @@ from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import PositionVarying, is_compiling, is_traced, precision
+from ..choices import Inside
 from ..errors import InputError, require
 from ..geometry.mesh import Pose
 from ..material.material import Material, Property
@@ -162,7 +163,7 @@ class Body(Module):
     """Rule by which surface temperatures follow from the nodes."""
     coatings: tuple[Coating, ...] = eqx.field(kw_only=True, default=())
     """Radiative properties of parts of the surface, later ones on top."""
-    inside: str = eqx.field(static=True, kw_only=True, default="closed")
+    inside: Inside = eqx.field(static=True, kw_only=True, default="closed")
     """With "open", air, sun and surroundings act in its closed cavities as well."""
     name: str = eqx.field(static=True, kw_only=True, default="")
     """Name in receipts, summaries, frames and messages, besides its number."""

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from typing_extensions import override
 
 from ..arrays import plain_numbers, static_numbers
+from ..choices import FaceName
 from ..errors import InputError
 from ..geometry.vectors import unit_vector
 from .spread_points import spread_points
@@ -219,7 +220,7 @@ class Face(_AbstractOnOneBody):
         >>> windy = jt.Convection(20.0, 283.0, on=~jt.Face("back"))
     """
 
-    name: str = eqx.field(static=True)
+    name: FaceName = eqx.field(static=True)
     """"front" or "back"."""
     body: int = static_numbers(0)
 

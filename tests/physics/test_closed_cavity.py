@@ -219,4 +219,4 @@ def test_radiation_crosses_a_cavity(max_patches):
 
 def test_anything_else_is_refused():
     with pytest.raises(jt.InputError, match="inside='ajar'"):
-        jt.Body(jt.FullVolume(GRID), METAL, temperature=300.0, inside="ajar")
+        jt.Body(jt.FullVolume(GRID), METAL, temperature=300.0, inside="ajar")  # type: ignore

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from PIL import Image as Pictures, ImageDraw
 from PIL.Image import Image as Picture
 
+from ...choices import Quantity
 from ...errors import InputError
 from ..measurements import (
     AbstractMeasurement,
@@ -33,7 +34,7 @@ _ISOTHERMS = ((90, 255, 150), (90, 205, 255), (255, 130, 220), (255, 240, 90))
 def measure(
     image: Image,
     measurements: Sequence[AbstractMeasurement],
-    quantity: str = "apparent",
+    quantity: Quantity = "apparent",
     mask: Float[np.ndarray, "h w"] | None = None,
 ) -> dict[str, Reading]:
     """Read temperatures of a frame, of the pixels that bodies fill.
@@ -61,7 +62,7 @@ def draw_measurements(
     picture: Picture,
     image: Image,
     measurements: Sequence[AbstractMeasurement],
-    quantity: str = "apparent",
+    quantity: Quantity = "apparent",
     mask: Float[np.ndarray, "h w"] | None = None,
     decimals: int = 1,
 ) -> Picture:
@@ -107,7 +108,7 @@ def draw_marks(
     picture: Picture,
     image: Image,
     measurements: Sequence[AbstractMeasurement],
-    quantity: str = "apparent",
+    quantity: Quantity = "apparent",
     mask: Float[np.ndarray, "h w"] | None = None,
 ) -> None:
     """Draw marks and names alone; arguments as of `draw_measurements`."""

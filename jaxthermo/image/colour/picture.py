@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL.Image import Image as Picture
 
+from ...choices import Quantity
 from ..detector.gain import Gain
 from ..radiance.image import Image
 from .annotate import annotate, write_png as write_picture
@@ -21,7 +22,7 @@ def coloured(
     low: float,
     high: float,
     palette: str = "iron",
-    quantity: str = "apparent",
+    quantity: Quantity = "apparent",
     samples: int = 1,
     gain: Gain | None = None,
 ) -> UInt8[np.ndarray, "h w 3"]:
@@ -81,7 +82,7 @@ def picture(
     low: float,
     high: float,
     palette: str = "iron",
-    quantity: str = "apparent",
+    quantity: Quantity = "apparent",
     title: str = "",
     samples: int = 1,
     gain: Gain | None = None,

@@ -13,6 +13,7 @@ from jaxtyping import Float, UInt8, UInt16
 from PIL import Image as Pictures, PngImagePlugin
 
 from ...atomic import replacing, write_text
+from ...choices import Quantity
 from ...errors import InputError
 from ...temperatures import CENTIKELVIN
 from ..colour.frame_values import QUANTITIES, shown_temperature
@@ -37,7 +38,10 @@ def centikelvin(kelvin: Float[np.ndarray, "h w"]) -> UInt16[np.ndarray, "h w"]:
 
 
 def write_centikelvin(
-    path: str | Path, image: Image, quantity: str = "apparent", saturate: bool = False
+    path: str | Path,
+    image: Image,
+    quantity: Quantity = "apparent",
+    saturate: bool = False,
 ) -> int:
     """Write temperatures in units of 0.01 K as a grey PNG of 16 bits.
 
@@ -76,7 +80,7 @@ def write_centikelvin(
 def write_tiff(
     path: str | Path,
     image: Image,
-    quantity: str = "apparent",
+    quantity: Quantity = "apparent",
     low: float | None = None,
     high: float | None = None,
 ) -> None:
@@ -118,7 +122,7 @@ def write_tiff(
 
 
 def write_csv(
-    path: str | Path, image: Image, quantity: str = "apparent", title: str = ""
+    path: str | Path, image: Image, quantity: Quantity = "apparent", title: str = ""
 ) -> None:
     """Write temperatures in kelvin as a table, one line for each row of pixels.
 

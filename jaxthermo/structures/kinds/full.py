@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
+from ...choices import Kernels
 from ...native.call import check_kernels
 from ...voxels.grid import VoxelGrid
 from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
@@ -41,7 +42,7 @@ class FullVolume(AbstractVoxelStructure):
 
     grid: VoxelGrid = eqx.field(static=True)
     stencil: bool = eqx.field(static=True, default=True)
-    kernels: str | None = eqx.field(static=True, default=None)
+    kernels: Kernels = eqx.field(static=True, default=None)
     """"numba" for explicit steps in loops that it compiles; None for those of XLA."""
     devices: int = eqx.field(static=True, default=1)
     """Number of devices over which the lattice is sharded; set by a run."""

@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Int
 
+from ...choices import Hollow
 from ...errors import InputError, whole_number
 from ...voxels.grid import VoxelGrid
 from ..cache import built_once
@@ -29,7 +30,7 @@ class MultiLevel(AbstractBuiltStructure):
     """
 
     levels: int = eqx.field(static=True, default=10)
-    hollow: str = eqx.field(static=True, default="empty")
+    hollow: Hollow = eqx.field(static=True, default="empty")
     """Capacity of deeper voxels: "empty" drops it, "innermost" distributes it evenly
     over the nodes of the innermost level."""
 

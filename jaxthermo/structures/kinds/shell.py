@@ -6,6 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...choices import ShellCapacity
 from ...errors import InputError, whole_number
 from ...voxels.grid import VoxelGrid
 from ...voxels.surface import surface_links
@@ -36,7 +37,7 @@ class SingleShell(AbstractBuiltStructure):
         InputError: if the capacity is neither "body" nor "own".
     """
 
-    capacity: str = eqx.field(static=True, default="body")
+    capacity: ShellCapacity = eqx.field(static=True, default="body")
     """Volume of the nodes: "body" distributes that of the whole body evenly; "own" is
     one voxel each: a hollow body."""
 

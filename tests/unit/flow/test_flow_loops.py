@@ -107,4 +107,4 @@ def test_a_run():
 
 def test_other_kernels_are_one_line():
     with pytest.raises(InputError, match="'fast'.*leave it out"):
-        simulate_flow(channel(), 20, kernels="fast")
+        simulate_flow(channel(), 20, kernels="fast")  # type: ignore

@@ -195,7 +195,7 @@ def test_unknown_unit_and_axis(tmp_path):
     with pytest.raises(InputError, match="unit 'furlong' is not known"):
         load_mesh(path, unit="furlong")
     with pytest.raises(InputError, match="up='w'"):
-        load_mesh(path, unit="m", up="w")
+        load_mesh(path, unit="m", up="w")  # type: ignore
 
 
 def test_height_of_a_flat_mesh(tmp_path, capfd):

@@ -29,7 +29,10 @@ def scene(material: Any = STEEL, **options: Any):
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: jt.FullVolume(GRID, kernels="fast"), "'fast'.*leave it out"),
+        (
+            lambda: jt.FullVolume(GRID, kernels="fast"),  # type: ignore
+            "'fast'.*leave it out",
+        ),
         (lambda: jt.simulate(scene(BY_AXIS), 1.0), "one conductivity for all axes"),
         (
             lambda: jt.simulate(scene(weights=jt.ConductionWeights(0.9)), 1.0),

@@ -99,4 +99,4 @@ def test_bodies_without_an_inside_have_one_level(shape):
 
 def test_an_unknown_hollow_is_refused():
     with pytest.raises(InputError, match='hollow=\'full\'.*"empty" or "innermost"'):
-        MultiLevel(blocks(np.ones((2, 2, 2), bool)), hollow="full")
+        MultiLevel(blocks(np.ones((2, 2, 2), bool)), hollow="full")  # type: ignore

@@ -101,7 +101,7 @@ def test_parts_that_do_not_touch_stay_apart_and_one_voxel_is_alone():
 
 def test_a_mistaken_capacity_is_told():
     with pytest.raises(InputError, match='"body" or "own"'):
-        SingleShell(blocks(np.ones((1, 1, 1), bool)), "all")
+        SingleShell(blocks(np.ones((1, 1, 1), bool)), "all")  # type: ignore
 
 
 def test_weights_are_kept():

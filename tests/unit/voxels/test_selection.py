@@ -118,7 +118,7 @@ def test_a_face_is_a_side_of_a_sheet():
     with pytest.raises(InputError, match=r"body 1 is solid and has no face of"):
         front.select(FRAGMENTS)
     with pytest.raises(InputError, match=r'Face\(\'top\'\): give "front" or "back"'):
-        Face("top")
+        Face("top")  # type: ignore
 
 
 def test_elsewhere_is_all_of_the_other_bodies_too():
