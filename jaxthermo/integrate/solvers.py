@@ -173,7 +173,8 @@ class ForwardEuler(AbstractSolver):
             raise InputError(
                 f"solver: dt={dt:g} s is too long: the largest stable step of this "
                 f"scene is {stable_step:.6g} s; give that or less, or no dt to have it "
-                "chosen, or another solver: SuperTimeStepping() or TRBDF2()"
+                "chosen, or another solver: SuperTimeStepping() or TRBDF2(), in a file "
+                "`solver: super_time_stepping` or `solver: trbdf2`"
             )
         return dt
 
@@ -211,8 +212,9 @@ class SuperTimeStepping(AbstractSolver):
             raise InputError(f"SuperTimeStepping(stages={self.stages}): give 3 or more")
         elif stable_step is not None and self.stages < stage_count(dt, stable_step):
             raise InputError(
-                f"SuperTimeStepping(dt={dt:g}, stages={self.stages}): a stable step of "
-                f"{stable_step:.6g} s requires {stage_count(dt, stable_step)} stages"
+                f"solver: stages={self.stages} of super time stepping are too few for "
+                f"dt={dt:g} s: a stable step of {stable_step:.6g} s requires "
+                f"{stage_count(dt, stable_step)}"
             )
         return dt
 

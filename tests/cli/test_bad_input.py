@@ -214,6 +214,7 @@ def test_the_stable_step_is_told(scene, out):
     step = "solver.dt=100"
     err = refused("simulate", scene, "--out", out, "--set", step)
     assert "100" in err and "stable step of this scene is 2." in err
+    assert "in a file `solver: super_time_stepping` or `solver: trbdf2`" in err
 
 
 STACKED = """
