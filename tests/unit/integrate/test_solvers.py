@@ -91,7 +91,10 @@ def test_a_mode_decays_by_the_schemes_polynomial_within_one(stages):
     [
         (jt.BackwardEuler(dt=0.0), "dt=0 is no step"),
         (jt.TRBDF2(dt=float("nan")), "dt=nan is no step"),
-        (jt.SuperTimeStepping(dt=100.0, stages=3), "too few for dt=100 s: .* requires [0-9]+"),
+        (
+            jt.SuperTimeStepping(dt=100.0, stages=3),
+            "too few for dt=100 s: .* requires [0-9]+",
+        ),
         (jt.SuperTimeStepping(dt=1.0, stages=2), "give 3 or more"),
         (jt.ForwardEuler(dt=1e3), "another solver"),
     ],
