@@ -3,7 +3,7 @@
 At run time the functions and classes refuse a wrong value themselves, with a remedy.
 """
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 
 if TYPE_CHECKING:
@@ -19,5 +19,6 @@ if TYPE_CHECKING:
     ReductionMethod = Literal["krylov", "pod"]
     Quantity = Literal["apparent", "surface"]
 else:
-    UpAxis = Inside = FaceName = Kernels = Hollow = ShellCapacity = Any
-    Inlet = ChannelWalls = ChannelEnds = ReductionMethod = Quantity = Any
+    UpAxis = Inside = FaceName = Hollow = ShellCapacity = str
+    Inlet = ChannelWalls = ChannelEnds = ReductionMethod = Quantity = str
+    Kernels = str | None
