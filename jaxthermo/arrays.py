@@ -387,6 +387,16 @@ def numbered(key: Int[np.ndarray, " n"]) -> Numbered:
     )
 
 
+def ranks(label: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """Rank of each label among those that occur, as by `numbered`, without a sort.
+
+    Labels are small numbers of at least 0: there is an entry for all up to the largest.
+    """
+    occurs = np.zeros(int(label.max(initial=-1)) + 1, bool)
+    occurs[label] = True
+    return (np.cumsum(occurs) - 1)[label]
+
+
 LIST_ENTRY_COST = 10.0
 """Cost of one entry of a sparse list over that of a gathered one: scatters are slow."""
 

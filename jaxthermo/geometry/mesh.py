@@ -316,8 +316,10 @@ def connected_labels(
     # Truth values, since a link may occur often: sums of its numbers could wrap to 0.
     linked = np.ones(len(links), bool)
     graph = coo_array((linked, tuple(links.T)), shape=(count, count))
-    _, component = connected_components(graph, directed=False)
-    _, lowest_node = np.unique(component, return_index=True)
+    parts, component = connected_components(graph, directed=False)
+    lowest_node = np.empty(parts, np.int64)
+    # The last one that is written stays.
+    lowest_node[component[::-1]] = np.arange(count)[::-1]
     return lowest_node[component]
 
 

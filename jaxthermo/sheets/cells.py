@@ -171,11 +171,14 @@ def _cut_surface(
             welded.vertices, welded.faces, pitch / 2
         )
     else:
-        vertices, faces, piece = with_cut_borders(
+        cut = with_cut_borders(
             welded.vertices,
             faces=welded.faces,
             part=face_part[welded.face_origin],
         )
+        vertices = cut.vertices
+        faces = cut.faces
+        piece = cut.origin
     origin = welded.face_origin[piece]
     return Surface(
         vertices=vertices,

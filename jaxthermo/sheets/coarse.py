@@ -18,7 +18,7 @@ from .borders import obtuse_feet
 from .node_complex import NodeComplex
 from .partition import node_positions, with_border_nodes
 from .strips import strips
-from .surface import Surface, proper_faces, summed_rows
+from .surface import Surface, summed_rows
 from .tufted import triangle_weights
 
 
@@ -127,10 +127,13 @@ def _coarse_surface(surface: Surface, node: Int[np.ndarray, " v"]) -> CoarseSurf
     second = np.full(count, -1)
     second[narrow.node] = count + np.arange(len(narrow.node))
     vertex = np.where(narrow.is_second, second[node], node)
-    proper = np.flatnonzero(proper_faces(vertex[surface.faces]))
+    first, second, third = vertex.take(surface.corners)
+    different = np.flatnonzero((first != second) & (second != third) & (third != first))
     # Rings are joined by lines, see `_chain_weights`: a triangle has half their width.
-    proper = proper[~is_ring[node[surface.faces[proper]]].any(axis=1)]
-    corners = vertex[surface.faces[proper]]
+    in_ring = is_ring[node.take(surface.corners.take(different, axis=1))].any(axis=0)
+    different = different[~in_ring]
+    corners = vertex[surface.proper[different]]
+    proper = surface.proper_number[different]
     # The lowest corner first: both sides of a flattened tube stay.
     turn = (corners.argmin(1)[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(corners, turn, axis=1)

@@ -76,21 +76,31 @@ class NodeComplex:
     @cached_property
     def _corners(self) -> Int[np.ndarray, "3 t"]:
         """Nodes of each triangle."""
-        return self.node[self.surface.proper.T]
+        return self.node.take(self.surface.corners)
 
     @cached_property
     def _ends(self) -> Int[np.ndarray, "2 e"]:
         """Nodes of each edge of the surface."""
-        return self.node[self.surface.joined_vertices.T]
+        return self.node.take(self.surface.joined_vertices.T)
 
     @cached_property
     def characteristic(self) -> Int[np.ndarray, " n"]:
         """Euler characteristic of each node: 1 of a disc, 0 of an annulus."""
-        start, end = self._ends
-        first, second, third = self._corners
-        within = np.flatnonzero(start == end)
+        return self._characteristic(np.ones(self.count, bool))
+
+    def _characteristic(self, which: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Euler characteristic of some nodes; 0 of others."""
+        is_member = which[self.node]
+        member = np.flatnonzero(is_member)
+        corners = self.surface.corners
+        corners = corners.take(np.flatnonzero(is_member[corners[0]]), axis=1)
+        first, second, third = self.node.take(corners)
         whole = np.flatnonzero((first == second) & (second == third))
-        vertices = np.bincount(self.node, minlength=self.count)
+        low, high = self.surface.joined_vertices.T
+        at_member = np.flatnonzero(is_member[low])
+        start = self.node[low[at_member]]
+        within = np.flatnonzero(start == self.node[high[at_member]])
+        vertices = np.bincount(self.node[member], minlength=self.count)
         edges = np.bincount(start[within], minlength=self.count)
         triangles = np.bincount(first[whole], minlength=self.count)
         return vertices - edges + triangles
@@ -198,7 +208,7 @@ class NodeComplex:
     def closed(self) -> Bool[np.ndarray, " n"]:
         """Flag nodes that close around a tube."""
         has_turned = self.ratio(np.arange(self.count)[:, None]) < CLOSED
-        return has_turned & (self.characteristic == 0)
+        return has_turned & (self._characteristic(has_turned) == 0)
 
     def pieces(self, nodes: set[int]) -> list[set[int]]:
         """Connected pieces of some nodes."""

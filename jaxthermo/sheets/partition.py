@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import numbered, rank_in_group, sorted_union, unique_rows
+from ..arrays import rank_in_group, ranks, sorted_union, unique_rows
 from ..geometry.mesh import connected_labels
 from ..geometry.vectors import row_dot, row_length
 from .rings import joined_rings
@@ -70,15 +70,20 @@ def _connected(
     Labels without a vertex `among` some are connected already; None for all vertices.
     """
     count = len(surface.vertices)
-    start, end = surface.joined_vertices.T
+    if among is None:
+        start, end = surface.joined_vertices.T
+        within = label[start] == label[end]
+        links = np.stack([start[within], end[within]]).T
+        return ranks(connected_labels(count, links))
+    members = np.flatnonzero(among)
+    start, end = surface.edges_from(members)
     within = label[start] == label[end]
-    if among is not None:
-        within &= among[start]
-    lowest = connected_labels(count, np.stack([start[within], end[within]]).T)
-    if among is not None:
-        return numbered(np.where(among, count + lowest, label)).number
-    number = np.cumsum(lowest == np.arange(count)) - 1
-    return number[lowest]
+    number = np.cumsum(among) - 1
+    links = np.stack([number[start[within]], number[end[within]]]).T
+    lowest = members[connected_labels(len(members), links)]
+    parts = label.copy()
+    parts[members] = count + lowest
+    return ranks(parts)
 
 
 def _without_small(
@@ -123,7 +128,7 @@ def _without_small(
         joined[stays] = stays
     while (joined[joined] != joined).any():
         joined = joined[joined]
-    return numbered(joined[node]).number
+    return ranks(joined[node])
 
 
 def _are_enclosed(

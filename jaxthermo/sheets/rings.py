@@ -9,7 +9,7 @@ joined: a tube becomes a chain of rings, as wide as its circumference.
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ..arrays import numbered
+from ..arrays import ranks
 from .node_complex import NodeComplex
 from .surface import Surface
 
@@ -66,7 +66,7 @@ def joined_rings(
             if nodes.are_rings(members, largest=_STILL_NARROW * pitch).all():
                 join(piece)
     _join_caps(nodes, joined, is_free)
-    return numbered(joined[node]).number
+    return ranks(joined[node])
 
 
 def _first_rings(nodes: NodeComplex, pitch: float) -> list[set[int]]:

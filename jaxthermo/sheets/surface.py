@@ -41,7 +41,17 @@ class Surface:
     @cached_property
     def proper(self) -> Int[np.ndarray, "p 3"]:
         """Vertices of the proper faces."""
-        return self.faces[self.is_proper]
+        return self.faces if self.is_proper.all() else self.faces[self.is_proper]
+
+    @cached_property
+    def corners(self) -> Int[np.ndarray, "3 p"]:
+        """Vertices of the proper faces, contiguous by corner."""
+        return np.ascontiguousarray(self.proper.T)
+
+    @cached_property
+    def proper_number(self) -> Int[np.ndarray, " p"]:
+        """Number of each proper face among all."""
+        return np.flatnonzero(self.is_proper)
 
     @cached_property
     def is_proper(self) -> Bool[np.ndarray, " t"]:
@@ -142,7 +152,7 @@ class Surface:
         """Ends of the edges of creases, of branches and between parts."""
         edges = self.edges
         pairs = edges.pairs
-        triangle = np.flatnonzero(self.is_proper).take(pairs // 3)
+        triangle = self.proper_number.take(pairs // 3)
         # Pieces of one face of the mesh are in one plane.
         origin = self.origin.take(triangle)
         is_between = np.flatnonzero(origin[:, 0] != origin[:, 1])

@@ -46,6 +46,8 @@ class _Tufted(NamedTuple):
     faces: Int[np.ndarray, "u 3"]
     origin: Int[np.ndarray, " u"]
     """Triangle that each one is a piece of."""
+    laplacians: dict[int, csr_array]
+    """That of each part, see `vertex_laplacian`."""
 
 
 def with_cut_borders(
@@ -56,15 +58,17 @@ def with_cut_borders(
 ) -> _Tufted:
     """Cut the edges of the border of each part that its Laplacian would lose."""
     origin = np.arange(len(faces))
-    for _ in range(_MAX_ROUNDS):
+    for remaining in reversed(range(_MAX_ROUNDS + 1)):
+        laplacians = {}
         for number in np.unique(part):
             chosen = faces[part[origin] == number]
             chosen = chosen[proper_faces(chosen)]
             feet = obtuse_feet(vertices, chosen)
-            if not len(feet.ends):
-                matrix = vertex_laplacian(vertices, chosen)
-                feet = encroached_feet(vertices, chosen, matrix)
-            if len(feet.ends):
+            if not (len(feet.ends) and remaining):
+                laplacian = vertex_laplacian(vertices, chosen)
+                feet = encroached_feet(vertices, chosen, laplacian)
+                laplacians[int(number)] = laplacian
+            if len(feet.ends) and remaining:
                 break
         else:
             break
@@ -72,7 +76,7 @@ def with_cut_borders(
             faces, origin=origin, feet=feet, first_vertex=len(vertices)
         )
         vertices = np.concatenate([vertices, feet.position])
-    return _Tufted(vertices=vertices, faces=faces, origin=origin)
+    return _Tufted(vertices=vertices, faces=faces, origin=origin, laplacians=laplacians)
 
 
 def triangle_weights(
@@ -84,8 +88,7 @@ def triangle_weights(
         nothing = np.zeros(0, np.int64)
         return PairWeights(src=nothing, dst=nothing, weight=np.zeros(0))
     cut = with_cut_borders(vertices, faces=faces, part=np.zeros(len(faces), np.int64))
-    laplacian = vertex_laplacian(cut.vertices, cut.faces)
-    entries = coo_array(without_capacity(laplacian, len(vertices)))
+    entries = coo_array(without_capacity(cut.laplacians[0], len(vertices)))
     src, dst = entries.coords
     conductance = np.asarray(entries.data, np.float64)
     # Rounding leaves conductances of 1e-17 of either sign at right angles.

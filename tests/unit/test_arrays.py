@@ -9,6 +9,8 @@ from jaxthermo.arrays import (
     device_array,
     is_compiling,
     linear_map,
+    numbered,
+    ranks,
     rows_of,
     rows_remembered,
     sorted_union,
@@ -126,3 +128,9 @@ def test_compiling_is_told_from_computing():
     jax.vmap(computed)(np.ones(2))
     jax.grad(computed)(1.0)
     assert seen == [True, False, False, False]
+
+
+def test_ranks_are_those_of_sorted_numbers():
+    labels = np.random.default_rng(0).integers(0, 50, 40)
+    np.testing.assert_array_equal(ranks(labels), numbered(labels).number)
+    assert ranks(np.zeros(0, np.int64)).shape == (0,)
