@@ -15,6 +15,7 @@ from PIL.Image import Image as Picture, fromarray
 
 from ..arrays import is_traced
 from ..constants import ZERO_CELSIUS
+from ..errors import InputError
 from ..geometry.mesh import Mesh, Pose, mesh_summary
 from ..image.colour.picture import picture
 from ..image.colour.preview import draw_preview
@@ -52,7 +53,11 @@ def html_of(value: Any) -> str:
     """The HTML of a value of a class that has `_repr_html_`."""
     shown = _Shown(None, [f"{type(value).__name__} of traced values"])
     if not is_traced(value):
-        shown = _shown(value)
+        try:
+            shown = _shown(value)
+        except InputError as error:
+            # A notebook would show a traceback in place of the value.
+            shown = _Shown(None, [f"{type(value).__name__} without a picture: {error}"])
     lines = [*shown.lines]
     if len(lines) > _MAX_LINES:
         more = len(lines) - _MAX_LINES + 1
@@ -135,6 +140,8 @@ def _solution_lines(solution: AbstractSolution) -> Iterator[str]:
 
 @_shown.register
 def _mesh(mesh: Mesh) -> _Shown:
+    if not len(mesh.faces):
+        raise InputError("it has no faces")
     return _Shown(_preview([mesh], [Pose()]), [f"Mesh {mesh_summary(mesh)}"])
 
 

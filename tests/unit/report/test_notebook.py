@@ -95,6 +95,16 @@ def test_a_receipt_has_lines_and_never_more_than_twenty(solution):
     assert len(lines) == 20 and lines[-1].endswith("more lines")
 
 
+def test_what_cannot_be_drawn_is_a_line(solution):
+    empty = jt.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    assert shown(empty) == (None, ["Mesh without a picture: it has no faces"])
+    camera = jt.Camera((0.3, -0.3, 0.1), (0.05, 0.0, 0.0), width=16, height=12)
+    image = jt.render(solution, camera)
+    pixels, lines = shown(image.with_radiance(image.radiance * np.nan))
+    assert pixels is None and len(lines) == 1
+    assert lines[0].startswith("Image without a picture: ")
+
+
 def test_traced_values_are_told_and_not_drawn(solution):
     texts = []
 
