@@ -88,13 +88,13 @@ def _sides_of_all(selection: Any, count: int) -> Any:
     if not isinstance(selection, dict):
         return selection
     side = selection.get("side")
-    if len(selection) == 1 and _is_of_all(side):
+    if len(selection) == 1 and isinstance(side, dict) and _is_of_all(side):
         return {"any": [{"side": {**side, "body": body}} for body in range(count)]}
     return {key: _sides_of_all(value, count) for key, value in selection.items()}
 
 
-def _is_of_all(side: Any) -> bool:
-    if not isinstance(side, dict) or {"body", "part"} & side.keys():
+def _is_of_all(side: Data) -> bool:
+    if {"body", "part"} & side.keys():
         return False
     try:
         SideConfig.model_validate(side)
