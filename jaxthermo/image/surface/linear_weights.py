@@ -59,6 +59,7 @@ def linear_weights(
         radius: of the weights at each point [m].
     """
     data = weights.data.copy()
+    columns = np.ascontiguousarray(position.T)
     # Points with about as many neighbours together: a table has room for the most.
     order = rows[np.argsort(np.diff(weights.indptr)[rows], kind="stable")]
     for start in range(0, len(rows), _CHUNK):
@@ -69,10 +70,14 @@ def linear_weights(
         # A table repeats the last neighbour of a point that has fewer, without weight.
         entry = first + np.minimum(row, count - 1)
         is_entry = row < count
-        away = position[weights.indices[entry]] - points[chosen]
-        offset = np.stack(
-            [(away * direction).sum(axis=-1) for direction in tangents(normals[chosen])]
-        )
+        neighbour = weights.indices[entry]
+        offset = np.zeros((2, *entry.shape))
+        # Column by column: numbers that are read together are close in memory.
+        along = np.stack(tangents(normals[chosen]))
+        for axis, column in enumerate(columns):
+            away = column[neighbour] - points[chosen, axis]
+            for way, direction in zip(offset, along[..., axis], strict=True):
+                way += away * direction
         flat = np.where(is_entry, weights.data[entry], 0)
         table = _tilted(flat, offset / radius[chosen])
         data[entry[is_entry]] = table[is_entry]

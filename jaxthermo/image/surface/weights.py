@@ -393,14 +393,18 @@ def smooth_weights(points: ShapePoints, shapes: Shapes) -> csr_array:
 
     if not is_wall.any():
         return cells.means(points, otherwise=nearest)
-    reach = MAX_HEIGHT * shapes.pitch[points.shape]
+    reach = np.where(is_wall, MAX_HEIGHT * shapes.pitch[points.shape], np.inf)
+    normals = np.ascontiguousarray(points.normal.T)
+    positions = np.ascontiguousarray(shapes.fragment_position.T)
+    plane = row_dot(points.position, points.normal)
 
     # Another leaf of a wall may be near, with the same normal.
     def level(pairs: Neighbours) -> Int[np.ndarray, " n"]:
-        away = shapes.fragment_position[pairs.fragment] - points.position[pairs.owner]
-        height = row_dot(away, points.normal[pairs.owner])
-        is_level = np.abs(height) < reach[pairs.owner]
-        return np.flatnonzero(is_level | ~is_wall[pairs.owner])
+        height = -plane[pairs.owner]
+        # Column by column: numbers that are read together are close in memory.
+        for normal, position in zip(normals, positions, strict=True):
+            height += normal[pairs.owner] * position[pairs.fragment]
+        return np.flatnonzero(np.abs(height) < reach[pairs.owner])
 
     return linear_weights(
         cells.means(points, select=level, otherwise=nearest),
