@@ -8,7 +8,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
-from jaxthermo.integrate.ledger import Energy
+from jaxthermo.integrate.energy import Energy
 from jaxthermo.reference.semi_infinite import contact_surfaces, perfect_contact
 
 from ..harness.case import Check, Row, case, converge, largest_error, near, values

@@ -11,8 +11,9 @@ import numpy as np
 from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
+from ..integrate.energy import Energy
 from ..integrate.implicit.newton_stage import SolverStatistics
-from ..integrate.ledger import Energy, pair_name
+from ..integrate.ledger import pair_name
 from ..integrate.run.solution import RESULTS, Solution
 from ..provenance import provenance
 from ..report.columns import write_columns

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float, Int
 from ..arrays import device_array, is_traced, product
 from ..physics.flux_law import Values
 from ..scene.compile.program import LedgerEntries
+from .energy import Energy
 
 
 class Ledger(Module):
@@ -49,23 +50,6 @@ def empty_ledger(entries: int, dtype) -> Ledger:
     with jax.ensure_compile_time_eval():
         zeros = device_array(np.zeros(entries, dtype))
     return Ledger(heat=zeros, carry=zeros, moved=zeros)
-
-
-class Energy(Module):
-    """Energies of all bodies, or of one, at the saved times, since the start [J]."""
-
-    stored_J: Float[Values, " t"]
-    """Heat stored [J]."""
-    mechanisms: dict[str, Float[Values, " t"]]
-    """Heat by each mechanism [J]."""
-    contacts: dict[str, Float[Values, " t"]]
-    """Heat from the first to the second body of each pair in contact, by a name such as
-    "contact 0-1"; of one body, positive into it [J]."""
-    bodies: tuple["Energy", ...]
-    """Energies of each body; empty within one body."""
-    residual_relative: Float[Values, " t"]
-    """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction; of one
-    body, contacts count with the mechanisms."""
 
 
 class HeatRates(Module):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..integrate.ledger import Energy
+from ..integrate.energy import Energy
 from ..integrate.run.abstract_solution import AbstractSolution
 
 

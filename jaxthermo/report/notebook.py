@@ -27,7 +27,7 @@ from ..integrate.run.abstract_solution import AbstractSolution
 from ..progress import duration
 from ..scene.air import bodies_with_surface
 from ..scene.compile.body_names import body_label
-from ..scene.compile.receipt_model import Receipt
+from ..scene.receipt_model import Receipt
 from ..scene.scene import Scene
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.grid import VoxelGrid

@@ -103,7 +103,9 @@ def test_without_numba_there_are_no_rivals(tmp_path, monkeypatch):
         raise ModuleNotFoundError("No module named 'numba'", name="numba")
 
     monkeypatch.setattr(importlib, "import_module", missing)
-    with pytest.raises(InputError, match=r"need numba: install jaxthermo\[test\]"):
+    with pytest.raises(
+        InputError, match="need the package numba: run `make env EXTRAS=test`"
+    ):
         Rivals({}, tmp_path / "rivals.jsonl", lambda text: None)
 
 

@@ -39,11 +39,11 @@ from ...physics.radiation.irradiation import (
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import just_before
 from ...physics.windows import Window, over
-from ...scene.compile.receipt_model import Receipt
 from ...scene.named import Probe
+from ...scene.receipt_model import Receipt
 from ...scene.scene import SURFACE_OUTPUTS, SolvedSurface, per_fragment
 from ...shown import html_of
-from ..ledger import Energy
+from ..energy import Energy
 from .solution_arrays import (
     FORMAT_VERSION,
     KIND,

@@ -23,12 +23,13 @@ from ...physics.radiation.irradiation import (
 from ...physics.term import AbstractTerm
 from ...physics.windows import Window, over
 from ...scene.compile.program import Program
-from ...scene.compile.receipt_model import Receipt
 from ...scene.named import Probe
+from ...scene.receipt_model import Receipt
 from ...scene.scene import SolvedSurface
+from ..energy import Energy
 from ..heat_rates import pair_nodes
 from ..implicit.newton_stage import SolverStatistics
-from ..ledger import Energy, HeatRates, Ledger
+from ..ledger import HeatRates, Ledger
 from ..stepper import RunState
 from .abstract_solution import AbstractComputedSolution
 

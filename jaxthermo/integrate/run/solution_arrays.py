@@ -13,7 +13,7 @@ from ...geometry.mesh import Pose
 from ...physics.flux_law import Values
 from ...scene.motion import Motion, PoseTable
 from ...scene.scene import BodyGeometry, SolvedSurface
-from ..ledger import Energy
+from ..energy import Energy
 
 
 FORMAT_VERSION = 6

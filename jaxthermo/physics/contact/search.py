@@ -36,6 +36,9 @@ _COVERAGE_TOLERANCE = 1e-3
 # Exposed fractions of a fragment below this are rounding error.
 _ROUNDING = 1e-12
 
+# Rounding of the gap between two bodies, over the largest one that counts.
+_GAP_ROUNDING = 1e-9
+
 
 SHEET_GAP = 0.1
 """Default for the largest gap of seams and of two sheets, over the pitch [-]."""
@@ -256,7 +259,9 @@ def default_gap(pitches: Sequence[float], are_sheets: bool) -> float:
     One voxel of the finer body, by which the surfaces of voxels are uncertain. Two
     sheets have the surfaces of their meshes: a tenth of a cell.
     """
-    return (SHEET_GAP if are_sheets else 1.0) * min(pitches)
+    gap = (SHEET_GAP if are_sheets else 1.0) * min(pitches)
+    # Bodies that are just so far apart touch, whatever the rounding of their places.
+    return (1 + _GAP_ROUNDING) * gap
 
 
 @stored_search("contacts", (ContactPairs,))

@@ -8,8 +8,8 @@ from typing import ParamSpec, TypeVar
 
 from ...errors import InputError
 from ..air import bodies_around_air
+from ..receipt_model import Receipt
 from ..scene import Scene
-from .receipt_model import Receipt
 
 
 # "bodies 0 and 1" after "body 0" and "bodies[0]", which a name may follow already.

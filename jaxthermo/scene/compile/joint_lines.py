@@ -8,9 +8,9 @@ import numpy as np
 from ...arrays import is_traced
 from ...errors import InputError
 from ...physics.contact.joint import AbstractJoint
+from ..receipt_model import Part
 from ..scene import Scene, mechanism_names
 from .contacts import APART
-from .receipt_model import Part
 from .snapshots import Snapshot
 
 

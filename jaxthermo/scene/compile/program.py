@@ -25,11 +25,11 @@ from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface import Note
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...structures.surface_map import Range, SurfaceState
+from ..receipt_model import Receipt
 from ..scene import BodyGeometry, Scene, SolvedSurface
 from .bodies import TemperatureBounds
 from .body_program import BodyProgram, SurfaceCoefficients
 from .probes import BodyProbes
-from .receipt_model import Receipt
 from .surface_load import AbstractSurfaceLoad
 
 

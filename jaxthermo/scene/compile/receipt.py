@@ -22,9 +22,9 @@ from ...structures.structure import AbstractStructure
 from ..air import bodies_around_air, bodies_with_surface
 from ..body_mass import body_mass
 from ..motion import Motion
+from ..receipt_model import Omission, Part, Receipt
 from ..scene import AbstractMaterials, Body, Scene, mechanism_names
 from .program_builder import Ledger, Volumes
-from .receipt_model import Omission, Part, Receipt
 from .snapshots import Snapshot
 
 

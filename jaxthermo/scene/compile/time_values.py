@@ -19,8 +19,8 @@ from ...physics.tabulated import SHAPE, tabulated
 from ...physics.term import AbstractSurfaceTerm, AbstractTerm
 from ...physics.time_varying import Table, Until
 from ...physics.windows import AbstractVarying, FunctionOfTime
+from ..receipt_model import Part
 from ..scene import Scene, mechanism_names
-from .receipt_model import Part
 
 
 class MissedIntegral(NamedTuple):

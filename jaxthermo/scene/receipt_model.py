@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass
 
-from ...shown import html_of
+from ..shown import html_of
 
 
 @dataclass(frozen=True)

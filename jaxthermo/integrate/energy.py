@@ -1,0 +1,23 @@
+"""Energies of a run at its saved times."""
+
+from equinox import Module
+from jaxtyping import Float
+
+from ..physics.flux_law import Values
+
+
+class Energy(Module):
+    """Energies of all bodies, or of one, at the saved times, since the start [J]."""
+
+    stored_J: Float[Values, " t"]
+    """Heat stored [J]."""
+    mechanisms: dict[str, Float[Values, " t"]]
+    """Heat by each mechanism [J]."""
+    contacts: dict[str, Float[Values, " t"]]
+    """Heat from the first to the second body of each pair in contact, by a name such as
+    "contact 0-1"; of one body, positive into it [J]."""
+    bodies: tuple["Energy", ...]
+    """Energies of each body; empty within one body."""
+    residual_relative: Float[Values, " t"]
+    """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction; of one
+    body, contacts count with the mechanisms."""
