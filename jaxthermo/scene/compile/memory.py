@@ -16,6 +16,7 @@ import numpy as np
 
 from ...host_memory import require_memory
 from ...parallel.devices import require_device_memory
+from ...sheets.sheet_grid import SheetGrid
 from ...structures.kinds.full import FullVolume
 from ...structures.structure import AbstractStructure
 from ..motion import Motion
@@ -67,6 +68,8 @@ _KEPT_ONCE = _Parts(fragments=96, nodes=52, links=40)
 # Of every further snapshot: what sources that move, and bodies that move beside it,
 # change on a body at rest; and all that follows from the place of one that moves.
 _KEPT_SNAPSHOT = _Parts(fragments=30)
+# On a sheet, whose fragments are each lit by several triangles.
+_KEPT_SNAPSHOT_OF_SHEET = _Parts(fragments=68)
 _KEPT_MOVED = _Parts(faces=150, fragments=98)
 
 # Two states of a step, five of stages; a solve has a dozen, and the levels' own.
@@ -229,7 +232,11 @@ def _body_forecast(
         retained += _KEPT_JOINED.bytes_of(counts)
     if is_joined and is_known:
         retained -= _KEPT_ONCE.bytes_of(counts)
-    kept_snapshot = _KEPT_MOVED if moves else _KEPT_SNAPSHOT
+    kept_snapshot = _KEPT_SNAPSHOT
+    if moves:
+        kept_snapshot = _KEPT_MOVED
+    elif isinstance(structure.grid, SheetGrid):
+        kept_snapshot = _KEPT_SNAPSHOT_OF_SHEET
     retained += (snapshots - 1) * kept_snapshot.bytes_of(read)
     if varies:
         retained += structure.link_count * (8 * width + 8)
