@@ -152,15 +152,17 @@ def _write_annotations(
         names = keypoints.setdefault(plan.categories[point.body], [])
         if point.name not in names:
             names.append(point.name)
-    chosen = {_COCO: frames}
-    if plan.validation:
+    frames_by_file = {_COCO: frames}
+    # Drawn once, not for each frame.
+    validation = plan.validation
+    if validation:
         for is_validation, file in _COCO_SETS.items():
-            chosen[file] = [
+            frames_by_file[file] = [
                 frame
                 for frame in frames
-                if (frame["variation"] in plan.validation) == is_validation
+                if (frame["variation"] in validation) == is_validation
             ]
-    for file, frames_of_set in chosen.items():
+    for file, frames_of_set in frames_by_file.items():
         annotations = coco(
             frames_of_set,
             categories=list(dict.fromkeys(plan.categories)),

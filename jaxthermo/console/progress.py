@@ -138,10 +138,10 @@ def progress_bar() -> Iterator[Progress]:
             yield progress
         return
     notebook: Any = importlib.import_module("IPython.display")
-    shown = _NotebookProgress(
+    bar = _NotebookProgress(
         notebook.display({"text/plain": ""}, raw=True, display_id=True)
     )
     try:
-        yield shown
+        yield bar
     finally:
-        shown.end()
+        bar.end()
