@@ -259,9 +259,7 @@ def default_gap(pitches: Sequence[float], are_sheets: bool) -> float:
     One voxel of the finer body, by which the surfaces of voxels are uncertain. Two
     sheets have the surfaces of their meshes: a tenth of a cell.
     """
-    gap = (SHEET_GAP if are_sheets else 1.0) * min(pitches)
-    # Bodies that are just so far apart touch, whatever the rounding of their places.
-    return (1 + _GAP_ROUNDING) * gap
+    return (SHEET_GAP if are_sheets else 1.0) * min(pitches)
 
 
 @stored_search("contacts", (ContactPairs,))
@@ -283,6 +281,8 @@ def find_contacts(
         max_gap = float(threshold)
     if not (np.isfinite(max_gap) and max_gap > 0):
         raise InputError(f"contact threshold {max_gap!r}: give a positive length [m]")
+    # Bodies that are just so far apart touch, whatever the rounding of their places.
+    max_gap *= 1 + _GAP_ROUNDING
     require_shallow(a, b, max_gap)
     samples_b = b.is_sheet if a.is_sheet != b.is_sheet else b.pitch < a.pitch
     if samples_b:
