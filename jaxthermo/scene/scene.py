@@ -394,7 +394,10 @@ class BodyGeometry:
     """Number of the named part of each fragment; None for a body without parts."""
     part_names: tuple[str, ...] = ()
     is_two_sided: bool = False
-    """True if both sides of every triangle are surfaces: those of a thin wall."""
+    """True if both sides of every triangle are surfaces: those of a thin wall.
+
+    The fragments of its back follow those of its front, with opposite normals.
+    """
     is_enclosed: Bool[np.ndarray, " s"] | None = None
     """Fragments that nothing from outside reaches at the start; None for none."""
     name: str = ""

@@ -23,8 +23,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...memo.found import found
+from .fragment_cells import CHUNK, Limits, cells_of
 from .shapes import Bodies, ShapePoints, Shapes
-from .weights import CHUNK, Neighbours, cells_of
 
 
 # Facets of at least this area [voxel faces] have fragments of their own at every corner
@@ -161,16 +161,9 @@ def _has_mean(weights: csr_array) -> np.ndarray:
 
 def _weights(points: ShapePoints, shapes: Shapes, near: _Near) -> csr_array:
     """Weights that add up to 1 at every point with a fragment."""
-    offset = near.offset * shapes.pitch[points.shape]
-
-    def belonging(pairs: Neighbours) -> np.ndarray:
-        normal = points.normal[pairs.owner]
-        away = shapes.fragment_position[pairs.fragment] - points.position[pairs.owner]
-        height = np.abs(row_dot(away, normal))
-        cosine = row_dot(shapes.fragment_normal[pairs.fragment], normal)
-        return np.flatnonzero((height <= offset[pairs.owner]) & (cosine > near.cosine))
-
-    return cells_of(shapes, near.radius).means(points, belonging)
+    cells = cells_of(shapes, near.radius)
+    height = near.offset * shapes.pitch[points.shape]
+    return cells.means(points, Limits(height, near.cosine))
 
 
 def smooth_normals(

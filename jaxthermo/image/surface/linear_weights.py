@@ -12,6 +12,8 @@ where no such mean exists, as on the border itself. Source: Arroyo and Ortiz, In
 Numer. Methods Eng. 65 (2006) 2167.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +30,7 @@ _REGULARIZATION = 1e-6
 # change linearly.
 _MAX_STEPS = 16
 _MAX_STEP = 4.0
-_SHORT_STEP = 1e-4
+_SHORT_STEP = 1e-3
 
 _LAST_MOVE = 1e-7
 """Way of the mean position in the last step, over the radius [-].
@@ -37,7 +39,7 @@ The step itself may grow without end, where the point is outside of what has wei
 """
 
 # Points that are solved together: temporaries stay in the cache.
-_CHUNK = 2048
+_CHUNK = 4096
 
 
 def linear_weights(
@@ -58,30 +60,68 @@ def linear_weights(
         position: of what has the weights [m].
         radius: of the weights at each point [m].
     """
-    data = weights.data.copy()
-    columns = np.ascontiguousarray(position.T)
-    # Points with about as many neighbours together: a table has room for the most.
-    order = rows[np.argsort(np.diff(weights.indptr)[rows], kind="stable")]
-    for start in range(0, len(rows), _CHUNK):
-        chosen = order[start : start + _CHUNK]
-        first = weights.indptr[chosen]
-        count = weights.indptr[chosen + 1] - first
+    groups = _groups(weights, position)
+    tilted = groups.weight.copy()
+    columns = np.ascontiguousarray(position[groups.member].T)
+    number = np.diff(groups.start)
+    # Points with about as many groups together: a table has room for the most.
+    order = rows[np.argsort(number[rows], kind="stable")]
+
+    def replace(chosen: Int[np.ndarray, " c"]) -> None:
+        count = number[chosen]
         row = np.arange(count.max())[:, None]
-        # A table repeats the last neighbour of a point that has fewer, without weight.
-        entry = first + np.minimum(row, count - 1)
-        is_entry = row < count
-        neighbour = weights.indices[entry]
-        offset = np.zeros((2, *entry.shape))
+        # A table repeats the last group of a point that has fewer, without weight.
+        group = groups.start[chosen] + np.minimum(row, count - 1)
+        is_group = row < count
+        offset = np.zeros((2, *group.shape))
         # Column by column: numbers that are read together are close in memory.
-        along = np.stack(tangents(normals[chosen]))
+        along = np.stack(tangents(normals[chosen])) / radius[chosen, None]
         for axis, column in enumerate(columns):
-            away = column[neighbour] - points[chosen, axis]
+            away = column[group] - points[chosen, axis]
             for way, direction in zip(offset, along[..., axis], strict=True):
                 way += away * direction
-        flat = np.where(is_entry, weights.data[entry], 0)
-        table = _tilted(flat, offset / radius[chosen])
-        data[entry[is_entry]] = table[is_entry]
+        table = _tilted(np.where(is_group, groups.weight[group], 0), offset)
+        tilted[group[is_group]] = table[is_group]
+
+    chunks = [order[at : at + _CHUNK] for at in range(0, len(order), _CHUNK)]
+    # A group belongs to one point: no two threads write to the same.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for _ in pool.map(replace, chunks):
+            pass
+    data = weights.data * (tilted / groups.weight)[groups.number]
     return csr_array((data, weights.indices, weights.indptr), weights.shape)
+
+
+class _Groups(NamedTuple):
+    """Groups of successive weights of one point at one place.
+
+    Their factor is the same: their sum takes their place.
+    """
+
+    number: Int[np.ndarray, " w"]
+    """Number of the group of each of the w weights."""
+    weight: Float[np.ndarray, " g"]
+    """Sum of the weights of each group."""
+    member: Int[np.ndarray, " g"]
+    """Something with a weight at the place of each group."""
+    start: Int[np.ndarray, " p1"]
+    """First group of each point, and the number of groups."""
+
+
+def _groups(weights: csr_array, position: Float[np.ndarray, "s 3"]) -> _Groups:
+    """Groups of weights, if those at one place follow each other."""
+    moves = (np.diff(position, axis=0) != 0).any(axis=1)
+    place = np.append(0, np.cumsum(moves))[weights.indices]
+    begins = np.append(True, place[1:] != place[:-1])
+    begins[weights.indptr[:-1]] = True
+    first = np.flatnonzero(begins)
+    number = np.cumsum(begins) - 1
+    return _Groups(
+        number=number,
+        weight=np.add.reduceat(weights.data, first),
+        member=weights.indices[first],
+        start=np.append(number, len(first))[weights.indptr],
+    )
 
 
 def offsets(
@@ -174,17 +214,18 @@ def _tilted(
         back = (step * previous).sum(axis=0) < 0
         largest = np.where(back, largest / 2, largest)
         step *= np.minimum(1, largest / np.maximum(length, 1e-300))
-        goes_on = np.hypot(*_product(moments.spread, step)) > _LAST_MOVE
+        moves = np.hypot(*_product(moments.spread, step)) > _LAST_MOVE
+        goes_on = (length > _SHORT_STEP) & moves
         if goes_on.sum() <= len(active) / 2:
-            short = np.where(length < _SHORT_STEP, step, 0)
+            short = np.where(length <= _SHORT_STEP, step, 0)
             centred = offset - moments.mean[:, None]
             change = (short[:, None] * centred).sum(axis=0)
             result[:, active] = moments.weight * (1 + change)
             active = active[goes_on]
             if not len(active):
                 break
-            weight = weight[:, goes_on]
-            offset = offset[:, :, goes_on]
+            weight = weight.compress(goes_on, axis=1)
+            offset = offset.compress(goes_on, axis=2)
             step = step[:, goes_on]
             tilt = tilt[:, goes_on]
             largest = largest[goes_on]

@@ -68,3 +68,28 @@ def test_mean_positions_are_the_points(case):
     outside = ((points < -0.02) | (points > 1.02)).any(axis=1)
     assert outside.sum() > 5
     assert (off[outside] < before[outside]).all()
+
+
+def test_weights_at_one_place_have_one_factor():
+    numbers = np.random.default_rng(2)
+    apart = np.pad(numbers.uniform(0, 1, (9, 2)), ((0, 0), (0, 1)))
+    times = np.array([1, 3, 1, 1, 2, 1, 1, 1, 4])
+    point = np.array([[0.5, 0.4, 0.0]])
+    given = numbers.uniform(0.1, 1.0, times.sum())
+    given /= given.sum()
+    sums = np.add.reduceat(given, np.cumsum(times) - times)
+
+    def solved(weights, position):
+        return linear_weights(
+            csr_array(weights[None]),
+            rows=np.array([0]),
+            points=point,
+            normals=np.array([[0.0, 0.0, 1.0]]),
+            position=position,
+            radius=np.ones(1),
+        ).data
+
+    together = solved(given, np.repeat(apart, times, axis=0))
+    alone = solved(sums, apart)
+    np.testing.assert_allclose(together / given, np.repeat(alone / sums, times))
+    np.testing.assert_allclose(alone @ apart, point[0], atol=1e-4)

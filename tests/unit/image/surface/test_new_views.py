@@ -11,9 +11,9 @@ from scipy.sparse import csr_array
 import jaxthermo as jt
 from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface import view as view_module
+from jaxthermo.image.surface.fragment_cells import CHUNK, cells_of
 from jaxthermo.image.surface.shapes import ShapePoints, Shapes
 from jaxthermo.image.surface.view import compute_view
-from jaxthermo.image.surface.weights import CHUNK, cells_of
 from jaxthermo.memo.found import forget_findings
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.raster.fragments import peel
