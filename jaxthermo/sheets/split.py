@@ -6,9 +6,13 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..arrays import rank_in_group, sorted_union
-from ..geometry.mesh import Edges, edges_of
+from ..geometry.mesh import edges_of
 from ..geometry.refine import cut_faces
 from ..geometry.vectors import row_length
+
+
+_BITS = 32
+"""Bits of the number of a vertex."""
 
 
 class SplitMesh(NamedTuple):
@@ -33,36 +37,78 @@ def split_long_edges(
     far shorter than it is wide.
     """
     origin = np.arange(len(faces))
-    while True:
-        edges = edges_of(faces)
-        corners = vertices.take(faces, axis=0)
-        along = np.roll(corners, -1, axis=1) - corners
-        length = row_length(along.reshape(-1, 3)).reshape(-1, 3)
-        # Column by column: numpy is slow along an axis of length three.
-        is_wide = np.minimum.reduce(list(length.T)) > longest
-        if not is_wide.any():
-            break
-        # Of equal edges the same one in both triangles at it.
-        edge = edges.edge.reshape(-1, 3)[is_wide]
-        preference = length[is_wide] * (1 + 1e-9 * (edge % 997) / 997)
-        cut = sorted_union(edge[np.arange(len(edge)), preference.argmax(1)])
-        middle = np.full(len(edges.uses), -1)
-        middle[cut] = len(vertices) + np.arange(len(cut))
-        ends = vertices[edges.low[cut]] + vertices[edges.high[cut]]
-        vertices = np.concatenate([vertices, ends / 2])
-        faces, origin = cut_faces(faces, middle[edges.edge].reshape(-1, 3), origin)
-    sliced = _sliced(vertices, faces=faces, edges=edges, longest=longest)
+    wide = _wide_faces(vertices, faces, longest)
+    while len(wide.face):
+        cut = sorted_union(_longest_edges(faces[wide.face], wide.length))
+        low = cut >> _BITS
+        high = cut & ((1 << _BITS) - 1)
+        is_end = np.zeros(len(vertices), bool)
+        is_end[low] = True
+        is_end[high] = True
+        # Few triangles have both ends of an edge that is cut, and fewer have the edge.
+        ends = [is_end.take(column) for column in faces.T]
+        face = np.flatnonzero(np.add.reduce(ends, dtype=np.int8) > 1)
+        sides = _edge_keys(faces[face])
+        place = np.minimum(np.searchsorted(cut, sides), len(cut) - 1)
+        middle = np.where(cut[place] == sides, len(vertices) + place, -1)
+        is_cut = (middle >= 0).any(axis=1)
+        face = face[is_cut]
+        vertices = np.concatenate([vertices, (vertices[low] + vertices[high]) / 2])
+        pieces, parent = cut_faces(faces[face], middle[is_cut], origin[face])
+        stays = np.ones(len(faces), bool)
+        stays[face] = False
+        # All wide triangles are cut: those that are wide now are among the pieces.
+        wide = _wide_faces(vertices, pieces, longest)
+        wide = wide._replace(face=wide.face + (len(faces) - len(face)))
+        faces = np.concatenate([faces[stays], pieces])
+        origin = np.concatenate([origin[stays], parent])
+    sliced = _sliced(vertices, faces=faces, longest=longest)
     return sliced._replace(origin=origin[sliced.origin])
+
+
+class _WideFaces(NamedTuple):
+    """Triangles whose shortest edge is too long."""
+
+    face: Int[np.ndarray, " w"]
+    length: Float[np.ndarray, "w 3"]
+    """Lengths of the edges from each corner to the next one [m]."""
+
+
+def _wide_faces(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"], longest: float
+) -> _WideFaces:
+    corners = vertices.take(faces, axis=0)
+    along = np.roll(corners, -1, axis=1) - corners
+    length = row_length(along.reshape(-1, 3)).reshape(-1, 3)
+    # Column by column: numpy is slow along an axis of length three.
+    face = np.flatnonzero(np.minimum.reduce(list(length.T)) > longest)
+    return _WideFaces(face, length[face])
+
+
+def _edge_keys(faces: Int[np.ndarray, "t 3"]) -> Int[np.ndarray, "t 3"]:
+    """Vertices of the edges from each corner to the next one, as one number each."""
+    start = faces.astype(np.int64, copy=False)
+    end = np.roll(start, -1, axis=1)
+    return np.minimum(start, end) << _BITS | np.maximum(start, end)
+
+
+def _longest_edges(
+    faces: Int[np.ndarray, "w 3"], length: Float[np.ndarray, "w 3"]
+) -> Int[np.ndarray, " w"]:
+    """Longest edge of each triangle, of equal ones the same in both triangles at it."""
+    keys = _edge_keys(faces)
+    preference = length * (1 + 1e-9 * (keys % 997) / 997)
+    return keys[np.arange(len(keys)), preference.argmax(axis=1)]
 
 
 def _sliced(
     vertices: Float[np.ndarray, "v 3"],
     *,
     faces: Int[np.ndarray, "t 3"],
-    edges: Edges,
     longest: float,
 ) -> SplitMesh:
     """Divide edges into equal pieces, and triangles along their two longest edges."""
+    edges = edges_of(faces)
     low = vertices.take(edges.low, axis=0)
     along = vertices.take(edges.high, axis=0) - low
     length = row_length(along)
