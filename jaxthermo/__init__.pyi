@@ -94,6 +94,7 @@ from .integrate.solvers import (
     SuperTimeStepping as SuperTimeStepping,
 )
 from .integrate.steady import steady as steady
+from .integrate.steady_start import start_steady as start_steady
 from .material.layer import Layer as Layer
 from .material.material import Material as Material, Property as Property
 from .material.stacks import stacks as stacks

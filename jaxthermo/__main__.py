@@ -35,6 +35,8 @@ def _simulate(
     animate: Animate = None,
     frame_rate: float | None = None,
     contact_sheet: Flag = False,
+    steady: Flag = False,
+    at: str | None = None,
     devices: int = 1,
     coordinator: str | None = None,
     processes: int = 1,
@@ -52,6 +54,10 @@ def _simulate(
         frame_rate: Frames per second of the animation, by default chosen so that it
             lasts a few seconds.
         contact_sheet: Write all frames on one sheet too.
+        steady: Find the temperatures at which the scene no longer changes, in place of
+            a run.
+        at: Time whose poses and values stay in the steady state, such as "14 h"; the
+            start by default.
         devices: Number of devices that share a full volume. On CPUs any number may be
             requested; one device already uses all cores.
         coordinator: Address HOST:PORT of process 0, for a run in several processes.
@@ -59,6 +65,25 @@ def _simulate(
         processes: Number of processes of the run, which share the --devices.
         process: Number of this process, from 0.
     """
+    if at is not None and not steady:
+        raise InputError(f"--at {at}: give --steady too")
+    if steady:
+        from .cli.steady import check_steady, simulate_steady
+
+        others = {
+            "--explain": explain,
+            "--preview": preview,
+            "--animate": animate is not None,
+            "--frame-rate": frame_rate is not None,
+            "--contact-sheet": contact_sheet,
+            "--devices": devices != 1,
+            "--coordinator": coordinator is not None,
+            "--processes": processes != 1,
+            "--process": process != 0,
+        }
+        seconds = check_steady(at, others)
+        simulate_steady(config, out=out, overrides=overrides, at=seconds)
+        return
     # A preview does not need the time loop, which is slow to import.
     if preview:
         from .cli.preview import preview as run_preview

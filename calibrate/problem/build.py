@@ -294,6 +294,11 @@ def _surface(scene: Scene, reference: StoredSolution) -> AbstractTarget:
 def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
     scenes: dict[str, Scene] = {}
     for name, config in configs.items():
+        if config.steady_bodies:
+            raise InputError(
+                f"{name}: body {config.steady_bodies[0]} has `temperature: steady`, "
+                "and a start does not follow the fitted values: give a number"
+            )
         # Voxelize bodies that are the same in several cases once.
         same = (built for built in scenes if configs[built].bodies == config.bodies)
         first = next(same, None)

@@ -14,13 +14,14 @@ from ..image.colour.ticks import time_label
 from ..integrate.heat_rates import evaluate_rates
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.plan import Plan
-from ..integrate.run.solution import Solution
-from ..report.numbers import count
+from ..integrate.run.solution import Solution, SteadySolution
+from ..report.numbers import count, significant
 from ..report.table import Table
 from ..scene.air import bodies_around_air, bodies_with_surface
 from ..scene.body_mass import body_mass
 from ..scene.compile.body_names import body_labels, grouped_lines
 from ..scene.compile.program import Compiled
+from ..scene.receipt_model import Receipt
 from ..scene.scene import Scene
 from ..structures.report import StructureReport
 from .body_lines import MAX_BODIES, ReceiptRow, body_lines, described, summed
@@ -28,9 +29,9 @@ from .summary import peak_memory
 
 
 def log_scene(
-    console: Console, scene: Scene, plan: Plan, structures: list[StructureReport]
+    console: Console, scene: Scene, receipt: Receipt, structures: list[StructureReport]
 ) -> None:
-    """Print the bodies, with their `structure_report`, the receipt, and the steps."""
+    """Print the bodies, with their `structure_report`, and the receipt."""
     descriptions = [
         described(body, report)
         for body, report in zip(bodies_with_surface(scene), structures, strict=True)
@@ -45,13 +46,17 @@ def log_scene(
     ]
     for line in grouped_lines(airs):
         print_line(console, line)
-    receipt = plan.compiled.receipt
     print_line(console, f"included: {', '.join(receipt.included)}")
     left_out = [f"{omission.what} ({omission.why})" for omission in receipt.left_out]
     for line in grouped_lines(left_out):
         print_line(console, f"left out: {line}")
     for line in grouped_lines(receipt.notes):
         print_line(console, f"note: {line}")
+
+
+def log_steps(console: Console, plan: Plan) -> None:
+    """Print the solver of a run, its steps and its memory."""
+    receipt = plan.compiled.receipt
     limit = "none" if plan.stable_step is None else f"{plan.stable_step:.4g} s"
     steps = f"{plan.steps:,} steps"
     if isinstance(plan.stepper, AdaptiveStepper):
@@ -129,19 +134,55 @@ def log_result(
     console: Console, scene: Scene, solution: Solution, times: dict[str, float]
 ) -> None:
     """Print run times, peak memory, final temperatures and the energy residual."""
-    residual = float(np.abs(np.asarray(solution.energy.residual_relative)).max())
-    surface = np.asarray(solution.surface_temperature)[-1] - ZERO_CELSIUS
     print_line(
         console,
         f"set up {times['setup_time_s']:.1f} s, compiled {times['compile_time_s']:.1f} "
         f"s, ran {times['run_time_s']:.1f} s, drew {times['frames_time_s']:.1f} s; "
         f"peak memory {readable_bytes(peak_memory())}",
     )
+    residual = float(np.abs(np.asarray(solution.energy.residual_relative)).max())
+    _log_temperatures(console, scene, solution, f"energy residual {residual:.1e}")
+    if solution.run.time_error is not None:
+        # The last remark of the receipt is known after the run only.
+        steps = f"{solution.run.steps:,} steps"
+        print_line(console, f"{steps}, {solution.receipt.notes[-1]}")
+    for warning in grouped_lines(solution.run.warnings):
+        print_line(console, f"warning: {warning}")
+
+
+def log_steady(
+    console: Console, scene: Scene, solution: SteadySolution, times: dict[str, float]
+) -> None:
+    """Print times, peak memory, temperatures and heat rates of a steady state."""
+    print_line(
+        console,
+        f"set up {times['setup_time_s']:.1f} s, solved {times['run_time_s']:.1f} s, "
+        f"drew {times['frames_time_s']:.1f} s; "
+        f"peak memory {readable_bytes(peak_memory())}",
+    )
+    residual = abs(float(solution.heat_rates.residual_relative))
+    _log_temperatures(
+        console, scene, solution, f"residual of the heat rates {residual:.1e}"
+    )
+    rates = [
+        f"{name} {significant(float(rate))} W"
+        for name, rate in solution.heat_rates.mechanisms.items()
+    ]
+    print_line(console, f"heat into the bodies: {', '.join(rates) or 'none'}")
+
+
+def _log_temperatures(
+    console: Console,
+    scene: Scene,
+    solution: Solution | SteadySolution,
+    residual: str,
+) -> None:
+    """Print the last temperatures of the surface, with the residual, and of the air."""
+    surface = np.asarray(solution.surface_temperature)[-1] - ZERO_CELSIUS
     print_line(
         console,
         f"at {time_label(float(np.asarray(solution.times)[-1]))} the surface is at "
-        f"{float(surface.min()):.1f} to {float(surface.max()):.1f} degC; "
-        f"energy residual {residual:.1e}",
+        f"{float(surface.min()):.1f} to {float(surface.max()):.1f} degC; {residual}",
     )
     final = np.asarray(solution.mean_temperature)[-1] - ZERO_CELSIUS
     labels = body_labels(scene)
@@ -151,9 +192,3 @@ def log_result(
     ]
     for line in grouped_lines(airs):
         print_line(console, line)
-    if solution.run.time_error is not None:
-        # The last remark of the receipt is known after the run only.
-        steps = f"{solution.run.steps:,} steps"
-        print_line(console, f"{steps}, {solution.receipt.notes[-1]}")
-    for warning in grouped_lines(solution.run.warnings):
-        print_line(console, f"warning: {warning}")

@@ -56,7 +56,7 @@ from ..structures.report import StructureReport, structure_report
 from .frame_names import FRAMES, earlier_frames
 from .frame_outputs import NO_EXTRAS, OUTPUTS_OF_FRAMES, Extras
 from .frames import FrameCamera, write_frames
-from .report import log_receipt, log_result, log_scene
+from .report import log_receipt, log_result, log_scene, log_steps
 from .summary import (
     peak_memory,
     summarize,
@@ -70,7 +70,7 @@ CONFIG = "config.yaml"
 CHECKPOINT = "checkpoint.npz"
 # Wall time between checkpoints [s]: a run that is killed loses at most that much.
 _CHECKPOINT_EVERY = 20.0
-_PROBES = "probes.csv"
+PROBES = "probes.csv"
 _VERY_MANY = 1000
 """Number of bodies from which the time that they take is told beforehand."""
 _SETUP_OVER_LOADING = 3.0
@@ -80,7 +80,7 @@ _RESULT_FILES = (
     "summary.json",
     "solution.npz",
     "energy.csv",
-    _PROBES,
+    PROBES,
     *OUTPUTS_OF_FRAMES,
 )
 
@@ -98,7 +98,7 @@ def simulate(
     In a `group` several processes run the scene, and the first one writes the results.
     """
     provide_devices(devices if group is None else devices // group.processes)
-    scene = _loaded(config, overrides)
+    scene = loaded(config, overrides)
     folder = out or Path("results") / config.stem
     extras.check(scene)
     if group is not None:
@@ -107,11 +107,11 @@ def simulate(
             _run_along(scene, folder, devices)
             return
     with results_folder(folder):
-        _check_not_overwritten(config, folder)
+        check_not_overwritten(config, folder)
         _run_simulation(scene, out=folder, extras=extras, devices=devices)
 
 
-def _loaded(path: Path, overrides: tuple[str, ...]) -> SceneConfig:
+def loaded(path: Path, overrides: tuple[str, ...]) -> SceneConfig:
     """The config, with a line on the time that very many bodies take."""
     clock = time.perf_counter()
     config = load_config(path, overrides)
@@ -136,7 +136,7 @@ def _run_along(config: SceneConfig, out: Path, devices: int) -> None:
 def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
     """Compile the scene and print the included and pruned terms."""
     provide_devices(devices)
-    scene_config = _loaded(config, overrides)
+    scene_config = loaded(config, overrides)
     console = open_console()
     with precision(scene_config.dtype):
         planned = _planned(console, scene_config, devices)
@@ -170,15 +170,18 @@ def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
         warnings = [
             *doubts,
             *plan.compiled.receipt.warnings,
-            *_card_warnings(config, scene),
+            *card_warnings(config, scene),
         ]
-    log_scene(console, scene=scene, plan=plan, structures=structures)
+    receipt = plan.compiled.receipt
+    log_scene(console, scene=scene, receipt=receipt, structures=structures)
+    log_steps(console, plan)
     for warning in grouped_lines(warnings):
         print_line(console, f"warning: {warning}")
     return _Planned(scene=scene, plan=plan, structures=structures, warnings=warnings)
 
 
-def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
+def card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
+    """Numbers of bodies that are outside the range of their fit cards."""
     # The weights of a card are fitted: outside their range they may be far off.
     warnings = []
     pairs = zip(config.bodies, bodies_with_surface(scene), strict=True)
@@ -200,8 +203,8 @@ def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
     return warnings
 
 
-def _check_not_overwritten(config: Path, out: Path) -> None:
-    # The resolved config must not replace a handwritten one with its comments.
+def check_not_overwritten(config: Path, out: Path) -> None:
+    """Refuse a folder whose handwritten config the resolved one would replace."""
     if (out / CONFIG).exists() and (out / CONFIG).samefile(config):
         text = config.read_text(encoding="utf-8")
         if text != to_yaml(load_config(config)):
@@ -228,7 +231,7 @@ def _run_simulation(
         setup = time.perf_counter() - clock
         # The camera and the scene are valid: from here on the folder is this run's, and
         # results of an earlier run must not be mistaken for this one's.
-        _remove_results(out, _RESULT_FILES)
+        remove_results(out)
         prepare_folder(out / FRAMES)
         write_text(out / CONFIG, to_yaml(config))
         solution, times = run_plan(console, config=config, plan=plan, out=out)
@@ -238,7 +241,7 @@ def _run_simulation(
         stored.save(out)
         write_energy(out / "energy.csv", planned.scene, solution)
         if solution.probes:
-            write_probes(out / _PROBES, solution)
+            write_probes(out / PROBES, solution)
         times |= {"setup_time_s": setup, "frames_time_s": 0.0}
         summary = summarize(
             config,
@@ -272,9 +275,12 @@ def _run_simulation(
         print_line(console, line)
 
 
-def _remove_results(out: Path, names: tuple[str, ...]) -> None:
+def remove_results(out: Path) -> None:
     """Remove the files of an earlier run, and its frames, but nothing else."""
-    for path in (*(out / name for name in names), *earlier_frames(out / FRAMES)):
+    for path in (
+        *(out / name for name in _RESULT_FILES),
+        *earlier_frames(out / FRAMES),
+    ):
         if path.is_dir():
             raise InputError(f"--out {out}: {path} is a folder; name another --out")
         path.unlink(missing_ok=True)

@@ -11,10 +11,10 @@ import numpy as np
 from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
-from ..integrate.energy import Energy
-from ..integrate.implicit.newton_stage import SolverStatistics
+from ..integrate.energy import Energy, HeatRates
+from ..integrate.implicit.solver_statistics import SolverStatistics
 from ..integrate.ledger import pair_name
-from ..integrate.run.solution import RESULTS, Solution
+from ..integrate.run.solution import RESULTS, Solution, SteadySolution
 from ..provenance import provenance
 from ..report.columns import write_columns
 from ..scene.air import bodies_around_air, bodies_with_surface
@@ -31,8 +31,14 @@ def peak_memory() -> int:
     return peak if sys.platform == "darwin" else peak * 1024
 
 
-def _as_lists(energy: Energy) -> dict[str, list[float]]:
-    return {name: column.tolist() for name, column in _ledger(energy).items()}
+def _balance(solution: Solution | SteadySolution) -> Energy | HeatRates:
+    if isinstance(solution, SteadySolution):
+        return solution.heat_rates
+    return solution.energy
+
+
+def _as_lists(balance: Energy | HeatRates) -> dict[str, list[float]]:
+    return {name: column.tolist() for name, column in _columns(balance).items()}
 
 
 class _TermResults(TypedDict):
@@ -43,8 +49,8 @@ class _TermResults(TypedDict):
     area_m2: float
     volume_m3: float
     mean_heat_rate_W: float | None
-    """Mean of the run; from the first to the second of two bodies. None if the run has
-    no length."""
+    """Mean of the run, or that of a steady state; from the first to the second of two
+    bodies. None if the run has no length."""
 
 
 class _BodyResults(TypedDict):
@@ -83,22 +89,26 @@ class _ProbeResults(TypedDict):
     """Temperature at each saved time [K]."""
 
 
-def _mean_temperature(solution: Solution, index: int) -> list[float]:
+def _mean_temperature(solution: Solution | SteadySolution, index: int) -> list[float]:
     return np.asarray(solution.mean_temperature, float)[:, index].tolist()
 
 
-def _air(scene: Scene, solution: Solution, index: int, around: int) -> _AirResults:
+def _air(
+    scene: Scene, solution: Solution | SteadySolution, index: int, around: int
+) -> _AirResults:
     return _AirResults(
         inside_body=around,
         number=index,
         mass_kg=body_mass(scene.bodies[index]),
         volume_m3=scene.bodies[index].structure.volume,
-        energy=_as_lists(solution.energy.bodies[index]),
+        energy=_as_lists(_balance(solution).bodies[index]),
         temperature_K=_mean_temperature(solution, index),
     )
 
 
-def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
+def _body(
+    scene: Scene, solution: Solution | SteadySolution, index: int
+) -> _BodyResults:
     grid = scene.bodies[index].structure.grid
     temperature = np.asarray(solution.of_body(index), float)
     weight = grid.fragment_area / grid.fragment_area.sum()
@@ -108,7 +118,7 @@ def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
         mass_kg=body_mass(scene.bodies[index]),
         volume_m3=scene.bodies[index].structure.volume,
         area_m2=float(grid.fragment_area.sum()),
-        energy=_as_lists(solution.energy.bodies[index]),
+        energy=_as_lists(_balance(solution).bodies[index]),
         surface_temperature_K={
             "min": temperature.min(axis=1).tolist(),
             "mean": (temperature @ weight).tolist(),
@@ -118,17 +128,18 @@ def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
     )
 
 
-def _terms(solution: Solution) -> list[_TermResults]:
+def _terms(solution: Solution | SteadySolution) -> list[_TermResults]:
     times = np.asarray(solution.times, float)
-    duration = float(times[-1])
-    energy = solution.energy
+    balance = _balance(solution)
+    # Heat over the time of a run is a rate; that of a steady state is one.
+    duration = float(times[-1]) if isinstance(balance, Energy) else 1.0
     rows = []
     for part in solution.receipt.parts:
         if len(part.bodies) == 2:
-            heat = energy.contacts[pair_name(part.mechanism, part.bodies)]
+            heat = balance.contacts[pair_name(part.mechanism, part.bodies)]
         else:
-            heat = energy.bodies[part.bodies[0]].mechanisms[part.mechanism]
-        total = float(np.asarray(heat, float)[-1])
+            heat = balance.bodies[part.bodies[0]].mechanisms[part.mechanism]
+        total = float(np.ravel(np.asarray(heat, float))[-1])
         rows.append(
             _TermResults(
                 mechanism=part.mechanism,
@@ -141,20 +152,26 @@ def _terms(solution: Solution) -> list[_TermResults]:
     return rows
 
 
-def _ledger(energy: Energy) -> dict[str, np.ndarray]:
-    heats = {**energy.mechanisms, **energy.contacts}
+def _columns(balance: Energy | HeatRates) -> dict[str, np.ndarray]:
+    """Energies [J] or heat rates [W] by name, with the unit at the end of the name."""
+    is_energy = isinstance(balance, Energy)
+    unit = "J" if is_energy else "W"
+    heats = {**balance.mechanisms, **balance.contacts}
     columns = {
-        "stored_J": energy.stored_J,
-        **{f"{name}_J": heat for name, heat in heats.items()},
-        "residual_relative": energy.residual_relative,
+        **({"stored_J": balance.stored_J} if is_energy else {}),
+        **{f"{name}_{unit}": heat for name, heat in heats.items()},
+        "residual_relative": balance.residual_relative,
     }
-    return {name: np.asarray(column, float) for name, column in columns.items()}
+    return {
+        name: np.atleast_1d(np.asarray(column, float))
+        for name, column in columns.items()
+    }
 
 
 def summarize(
     config: SceneConfig,
     scene: Scene,
-    solution: Solution,
+    solution: Solution | SteadySolution,
     times: dict[str, float],
     structures: Sequence[StructureReport],
     warnings: list[str],
@@ -187,7 +204,7 @@ def summarize(
         **times,
         "peak_memory_bytes": peak_memory(),
         "times_s": np.asarray(solution.times, float).tolist(),
-        "energy": _as_lists(solution.energy),
+        "energy": _as_lists(_balance(solution)),
         "terms": _terms(solution),
         "bodies": [
             _body(scene, solution, b) for b in range(len(bodies_with_surface(scene)))
@@ -202,7 +219,7 @@ def summarize(
     }
 
 
-def _probes(solution: Solution) -> dict[str, _ProbeResults]:
+def _probes(solution: Solution | SteadySolution) -> dict[str, _ProbeResults]:
     return {
         probe.name: _ProbeResults(
             position_m=list(probe.position), temperature_K=column.tolist()
@@ -211,7 +228,7 @@ def _probes(solution: Solution) -> dict[str, _ProbeResults]:
     }
 
 
-def _probe_columns(solution: Solution) -> list[np.ndarray]:
+def _probe_columns(solution: Solution | SteadySolution) -> list[np.ndarray]:
     if solution.probe_temperature is None:
         return []
     return list(np.asarray(solution.probe_temperature, float).T)
@@ -234,21 +251,22 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
-def write_energy(path: Path, scene: Scene, solution: Solution) -> None:
-    """Write the ledger at each saved time as CSV, in one step.
+def write_energy(path: Path, scene: Scene, solution: Solution | SteadySolution) -> None:
+    """Write the energies at each saved time, or the heat rates, as CSV, in one step.
 
     The first columns are of all bodies together, the following ones of each body.
     """
-    columns = _ledger(solution.energy)
-    if len(solution.energy.bodies) > 1:
+    balance = _balance(solution)
+    columns = _columns(balance)
+    if len(balance.bodies) > 1:
         labels = body_labels(scene)
-        for label, body in zip(labels, solution.energy.bodies, strict=True):
-            for name, column in _ledger(body).items():
+        for label, body in zip(labels, balance.bodies, strict=True):
+            for name, column in _columns(body).items():
                 columns[f"{label}: {name}"] = column
     write_columns(path, np.asarray(solution.times, float).tolist(), columns)
 
 
-def write_probes(path: Path, solution: Solution) -> None:
+def write_probes(path: Path, solution: Solution | SteadySolution) -> None:
     """Write the temperature of each probe [K] at each saved time, in one step."""
     names = [probe.name for probe in solution.probes]
     columns = dict(zip(names, _probe_columns(solution), strict=True))

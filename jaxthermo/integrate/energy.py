@@ -21,3 +21,17 @@ class Energy(Module):
     residual_relative: Float[Values, " t"]
     """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction; of one
     body, contacts count with the mechanisms."""
+
+
+class HeatRates(Module):
+    """Heat rates of all bodies, or of one, in a steady state [W]."""
+
+    mechanisms: dict[str, Float[Values, ""]]
+    """Heat rate by each mechanism [W]."""
+    contacts: dict[str, Float[Values, ""]]
+    """Heat rate from the first to the second body of each pair in contact; of one body,
+    positive into it [W]."""
+    bodies: tuple["HeatRates", ...]
+    """Heat rates of each body; empty within one body."""
+    residual_relative: Float[Values, ""]
+    """Net heat rate over the sum of magnitudes, 0 in a steady state."""

@@ -51,6 +51,8 @@ class IsolatedComponents(Module):
     mean: Float[Array, " i"]
     """Initial capacity-weighted mean of each component [K]."""
     count: int = eqx.field(static=True)
+    bodies: tuple[int, ...] = eqx.field(static=True)
+    """Numbers of the bodies that have nodes in one of them."""
 
     def means(self, states: State) -> Float[Array, " i"]:
         """Return the capacity-weighted mean of each component [K]."""
@@ -165,6 +167,7 @@ def find_isolated_components(
         ),
         mean=jnp.zeros(len(roots), dtype),
         count=len(roots),
+        bodies=tuple(np.unique(_body_of_entries(program, states)[inside]).tolist()),
     )
     return replace(components, mean=components.means(states))
 
@@ -198,13 +201,7 @@ def _refuse_heated(program: Program, states: State, time, number, capacity) -> N
     worst = heated[np.abs(net[heated]).argmax()]
     # The component with most net heat is named, in the user's terms.
     inside = number == worst
-    of_bodies = jnp.arange(program.body_count)
-    bodies = np.concatenate(
-        [
-            np.broadcast_to(np.asarray(body.at_nodes(of_bodies)), state.size)
-            for body, state in zip(program.bodies, states, strict=True)
-        ]
-    )
+    bodies = _body_of_entries(program, states)
     named = ", ".join(str(b) for b in np.unique(bodies[inside]))
     fraction = capacity[inside].sum() / capacity[np.isin(bodies, bodies[inside])].sum()
     raise InputError(
@@ -212,6 +209,17 @@ def _refuse_heated(program: Program, states: State, time, number, capacity) -> N
         f"({100 * fraction:.3g} % of its capacity) and nothing removes it, so "
         "there is no steady state; give it a term that does, such as Convection, or "
         "use simulate"
+    )
+
+
+def _body_of_entries(program: Program, states: State) -> Int[np.ndarray, " v"]:
+    """Number of the body of every entry of all states."""
+    of_bodies = jnp.arange(program.body_count)
+    return np.concatenate(
+        [
+            np.broadcast_to(np.asarray(body.at_nodes(of_bodies)), state.size)
+            for body, state in zip(program.bodies, states, strict=True)
+        ]
     )
 
 

@@ -52,20 +52,6 @@ def empty_ledger(entries: int, dtype) -> Ledger:
     return Ledger(heat=zeros, carry=zeros, moved=zeros)
 
 
-class HeatRates(Module):
-    """Heat rates of all bodies, or of one, in a steady state [W]."""
-
-    mechanisms: dict[str, Float[Values, ""]]
-    """Heat rate by each mechanism [W]."""
-    contacts: dict[str, Float[Values, ""]]
-    """Heat rate from the first to the second body of each pair in contact; of one body,
-    positive into it [W]."""
-    bodies: tuple["HeatRates", ...]
-    """Heat rates of each body; empty within one body."""
-    residual_relative: Float[Values, ""]
-    """Net heat rate over the sum of magnitudes, 0 in a steady state."""
-
-
 class EnergyTable(NamedTuple):
     """Energies of a scene at the saved times, since the start [J]."""
 

@@ -19,9 +19,11 @@ from ..arrays import is_traced, stop_gradient
 from ..errors import InputError, require
 from ..network.network import inverse
 from ..scene.compile.compile import compile_scene
-from ..scene.compile.program import LedgerEntries, Program, State
+from ..scene.compile.groups import body_groups
+from ..scene.compile.program import Compiled, LedgerEntries, Program, State
 from ..scene.motion import Motion
 from ..scene.scene import Scene
+from .energy import Energy, HeatRates
 from .heat_rates import evaluate_rates
 from .implicit.conjugate_gradient import ConjugateGradient, CorrectionNorm, max_abs
 from .implicit.jacobian import (
@@ -32,22 +34,20 @@ from .implicit.jacobian import (
     linearize,
 )
 from .implicit.newton_stage import (
-    SolverStatistics,
+    after_solve,
     derivative_solver,
     moved,
     shortened,
     solve_linear,
-    zero_statistics,
 )
+from .implicit.solver_statistics import SolverStatistics, zero_statistics
 from .isolated_components import (
     IsolatedComponents,
     ProjectedPreconditioner,
     find_isolated_components,
 )
 from .ledger import (
-    Energy,
     EnergyTable,
-    HeatRates,
     empty_ledger,
     energies,
     energy_table,
@@ -63,7 +63,7 @@ from .run.solution import (
 from .stepper import RunState
 
 
-_STEADY_TOLERANCE = {"float32": 1e-3, "float64": 1e-8}
+STEADY_TOLERANCE = {"float32": 1e-3, "float64": 1e-8}
 """Default distance of a node from its steady temperature [K]."""
 
 _MAX_NEWTON_ITERATIONS = 100
@@ -123,11 +123,18 @@ def steady(
     if tolerance is not None and not tolerance > 0:
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")
     with scene.precision():
-        solution = _solution(_static_scene(scene, at), at or 0.0, tolerance)
+        solution = steady_solution(static_scene(scene, at), at or 0.0, tolerance)
+    for warning in solution.receipt.warnings:
+        warnings.warn(warning, stacklevel=2)
     return finished(solution, throw)
 
 
-def _static_scene(scene: Scene, at: float | None) -> Scene:
+def static_scene(scene: Scene, at: float | None) -> Scene:
+    """Return the scene with its poses and sources as they are at a time [s].
+
+    Raises:
+        InputError: where something varies with time and there is none.
+    """
     varies = any(callable(value) for term in scene.terms for value in term.values)
     moves = any(term.moves for term in scene.terms) or any(
         isinstance(body.pose, Motion) for body in scene.bodies
@@ -144,15 +151,14 @@ def _static_scene(scene: Scene, at: float | None) -> Scene:
     return replace(scene, bodies=bodies, terms=tuple(t.at(time) for t in scene.terms))
 
 
-def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolution:
+def steady_solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolution:
+    """Find the steady state of a scene in which nothing moves, see `steady`."""
     scene = arranged_for_solves(scene)
     compiled = compile_scene(scene, 1, at, method="implicit", duration=math.inf)
     traced = is_traced(scene)
-    for warning in compiled.receipt.warnings:
-        warnings.warn(warning, stacklevel=3)
     program = compiled.program
     dtype = jnp.dtype(scene.dtype)
-    kelvin = _STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
+    kelvin = STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
     context = implicit_context(
         scene,
         compiled=compiled,
@@ -178,6 +184,8 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         mean_temperature=observation.mean_temperature[None],
         heat_rates=_heat_rates(program.entries, rates),
         isolated_components=0 if isolated is None else isolated.count,
+        isolated_bodies=() if isolated is None else isolated.bodies,
+        node_temperature=_node_temperatures(scene, compiled, states),
         result=run_result(
             observation.is_finite, observation.is_physical, statistics, steady=True
         ),
@@ -196,6 +204,20 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         probe_temperature=_with_time_axis(observation.probe_temperature),
         **_with_time_axis(observation.fragment_outputs),
     )
+
+
+def _node_temperatures(
+    scene: Scene, compiled: Compiled, states: State
+) -> tuple[Float[Array, " _"], ...]:
+    """Temperature of every node of each body [K], in the order of the scene."""
+    by_number = {}
+    groups = body_groups(scene, compiled.joins)
+    for group, body, state in zip(groups, compiled.program.bodies, states, strict=True):
+        theta = body.network.temperature(state)[group.structure.node_address()]
+        kelvin = theta + body.node_reference
+        for number, nodes in zip(group.numbers, group.nodes, strict=True):
+            by_number[number] = kelvin[nodes]
+    return tuple(by_number[number] for number in sorted(by_number))
 
 
 def _with_time_axis(values: Any) -> Any:
@@ -384,7 +406,7 @@ def _newton(
             heat=end.heat,
             change=size,
             previous_change=previous_change,
-            statistics=now.statistics.after_solve(solve),
+            statistics=after_solve(now.statistics, solve),
         )
 
     def unfinished(now: _Iterate) -> Bool[Array, ""]:

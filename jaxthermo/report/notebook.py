@@ -136,6 +136,11 @@ def _solution_lines(solution: AbstractSolution) -> Iterator[str]:
             yield f"heat by {name}: {significant(heat)} J"
         residual = float(np.abs(np.asarray(solution.energy.residual_relative)).max())
         yield f"energy residual {residual:.1e}"
+    if solution.heat_rates is not None:
+        for name, rate in solution.heat_rates.mechanisms.items():
+            yield f"heat rate by {name}: {significant(float(rate))} W"
+    if solution.run is not None and solution.energy is not None:
+        yield f"{count(solution.run.steps, 'step')} by {solution.run.solver}"
 
 
 @_shown.register

@@ -83,6 +83,10 @@ stored: jt.StoredSolution = jt.load_run(folder)
 file: jt.SceneFile = jt.load_scene("scene.yaml", ["time.end=3 min"])
 shown: jt.Solution = file.simulate(progress=jt.progress_bar)
 even: jt.SteadySolution = jt.steady(jt.Scene((body,), (exchange,)))
+warmed: jt.Scene = jt.start_steady(jt.Scene((body,), (exchange,)), [0], at=0.0)
+if stored.receipt is not None and stored.run is not None:
+    steps_taken: int = stored.run.steps
+    included: tuple[str, ...] = stored.receipt.included
 wired = jt.Scene((body,), (exchange,), probes={"core": (0, 0, 0)})
 readings = jt.probe(jt.simulate(wired, 9.0), [(0.0, 0.0, 0.0), (0.0, 0.0, 0.1)])
 run: jt.CompiledSimulation = jt.compile_simulation(scene, 90.0, (30.0, 90.0))

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from ...errors import InputError
 from ...geometry.part_names import assign_rules, short_names
 from ..types.model import Data, Mistake, MistakesError, Model, mistakes_in
-from ..types.quantities import Flag, NotEmpty, PositiveLength, Temperature
+from ..types.quantities import Flag, NotEmpty, PositiveLength, StartTemperature
 from .body import BodyConfig, BodyOptions
 from .geometry import MeshConfig
 from .joints import JointsConfig
@@ -28,8 +28,8 @@ class _MatchConfig(Model):
 class RuleConfig(BodyOptions, _MatchConfig):
     """Rule for the parts of an assembly that no earlier rule matches."""
 
-    temperature: Temperature | None = None
-    """Temperature at the start, instead of that of the assembly [K]."""
+    temperature: StartTemperature | None = None
+    """Temperature at the start, instead of that of the assembly [K]; or `steady`."""
 
     @classmethod
     def raw_mistakes(cls, data: Mapping[str, object]) -> list[Mistake]:
@@ -50,8 +50,9 @@ class AssemblyConfig(Model):
     mesh: MeshConfig
     pitch: PositiveLength | None = None
     """Edge of the voxels and of the cells of sheets in rules without their own [m]."""
-    temperature: Temperature | None = None
-    """Temperature at the start [K]."""
+    temperature: StartTemperature | None = None
+    """Temperature at the start [K]; `steady` for that of the steady state of the whole
+    scene with the values of its start. That of the scene if not given."""
     parts: Annotated[tuple[RuleConfig, ...], NotEmpty]
     """The rules; `jaxthermo parts FILE --scene` writes some to begin with."""
     joints: JointsConfig | None = None

@@ -41,6 +41,8 @@ from .structure import (
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _NOT_IN_FILE_NAMES = re.compile(r"[^\w.-]+")
 
+# Temperature at which the search of a steady state begins [K].
+_ROOM = 293.15
 _STRUCTURE_FIELDS = {
     "mesh",
     "shape",
@@ -201,8 +203,9 @@ class BodyOptions(Model):
 class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
     """One body of the scene."""
 
-    temperature: si.Temperature
-    """Temperature at the start [K]."""
+    temperature: si.StartTemperature | None = None
+    """Temperature at the start [K]; `steady` for that of the steady state of the whole
+    scene with the values of its start. That of the scene if not given."""
 
     exactly_one: ClassVar = (
         ("mesh", "shape", "solid"),
@@ -242,7 +245,7 @@ class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
         if self.skin is None:
             return structure
         material = self.build_materials(grid)
-        diffusivity = _lowest_diffusivity(material, self.temperature)
+        diffusivity = _lowest_diffusivity(material, self.start)
         return self.skin.build(structure, diffusivity)
 
     def _structure_key(self) -> str:
@@ -261,13 +264,23 @@ class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
         return self.target()(
             structure,
             material,
-            temperature=self.temperature,
+            temperature=self.start,
             pose=self.build_pose(),
             surface_map=self.surface_map.build(),
             coatings=build(self.coatings),
             inside=self.inside,
             name=self.name or "",
         )
+
+    @property
+    def starts_steady(self) -> bool:
+        """True if the body starts at the steady state of the scene."""
+        return self.temperature == "steady"
+
+    @property
+    def start(self) -> float:
+        """Temperature at the start [K]; where it is to be found, one to begin with."""
+        return self.temperature if isinstance(self.temperature, float) else _ROOM
 
     def build_pose(self) -> Any:
         """The pose, or the motion; after that of a part of a file in its own frame."""
@@ -294,9 +307,15 @@ class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
             return sheet
         if sheet is None and self.shape.layers is not None:
             sheet = SheetConfig(layers=self.shape.layers)
-        if sheet is None or sheet.back is not None:
+        if sheet is None or not self._is_held_at_start:
             return sheet
-        return sheet.model_copy(update={"back": self.temperature})
+        return sheet.model_copy(update={"back": self.start})
+
+    @property
+    def _is_held_at_start(self) -> bool:
+        """True for ground whose back is held at the temperature of its start."""
+        is_ground = isinstance(self.shape, GroundShape)
+        return is_ground and (self.sheet is None or self.sheet.back is None)
 
     @property
     def air(self) -> AirConfig | None:
@@ -398,6 +417,8 @@ class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
     @override
     def mistakes(self) -> list[Mistake]:
         mistakes: list[Mistake] = []
+        if self.temperature is None:
+            mistakes.append((("temperature",), "missing, and it has no default"))
         if self.solid is not None and self.voxels_high is not None:
             message = "the array has them: give the `pitch`"
             mistakes.append((("voxels_high",), message))
@@ -413,6 +434,12 @@ class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
             message = "only a `mesh` file or a `shape` of kind `parts` has parts"
             mistakes.append((("material",), message))
         if self.wall is not None:
+            if self.starts_steady and self._is_held_at_start:
+                message = (
+                    "the back of ground is held at its temperature at the start: give "
+                    "a number, or a `sheet` with a `back`"
+                )
+                mistakes.append((("temperature",), message))
             return [*mistakes, *self._sheet_mistakes()]
         if isinstance(self.shape, GroundShape):
             message = "has no inside: give its `layers`, or a `sheet`"

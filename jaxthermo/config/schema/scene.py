@@ -4,11 +4,14 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 from typing_extensions import override
 
+import jaxthermo
+
+from ...errors import InputError, located
 from ..types.files import FoundPath
 from ..types.model import (
     Data,
@@ -19,8 +22,7 @@ from ..types.model import (
     field_parts,
     models_within,
 )
-from ..types.quantities import Flag, NotEmpty, Position, PositiveTime, Unit, Whole
-from ..types.varying import not_increasing
+from ..types.quantities import Flag, NotEmpty, Position, StartTemperature, Unit, Whole
 from .assembly import AssemblyConfig, with_assembly
 from .body import BodyConfig
 from .image import CameraConfig, ImageConfig, PinholeConfig
@@ -29,63 +31,15 @@ from .named_bodies import equal_names, with_numbers
 from .outdoors import ALL_TERMS, OutdoorsConfig
 from .solver import AutoSolver, SolverConfig
 from .terms import TermConfig
+from .time import TimeConfig
 
 
 if TYPE_CHECKING:
     from ...scene.scene import Scene
 
-# A run with more saved times would fill the memory.
-_MAX_SAVES = 100_000
 # Both compute the whole emission of a surface: with two it would count twice.
 _EMISSION = ("surroundings", "radiative_exchange")
 _AnyModel = TypeVar("_AnyModel", bound=Model)
-
-
-class _TimeConfig(Model):
-    """The end of the run, and the times at which its state is saved."""
-
-    end: PositiveTime
-    """End of the run [s]; it stops at the last saved time if that is earlier."""
-    save_at: Annotated[tuple[PositiveTime, ...], NotEmpty] | None = None
-    """Times at which the state is saved [s]."""
-    save_every: PositiveTime | None = None
-    """Interval between saved times, instead of a list [s]."""
-
-    exactly_one: ClassVar = (("save_at", "save_every"),)
-
-    @override
-    def mistakes(self) -> list[Mistake]:
-        interval = self.save_every
-        listed = self.save_at or ()
-        times: list[tuple[Location, float]] = [
-            (("save_at", i), time) for i, time in enumerate(listed)
-        ]
-        if interval is not None:
-            times.append((("save_every",), interval))
-        mistakes = not_increasing(listed, key="save_at", unit="s")
-        for location, time in times:
-            if time > self.end:
-                message = f"{time:g} s is after the end, {self.end:g} s"
-                mistakes.append((location, message))
-        if interval is not None and self.end / interval > _MAX_SAVES:
-            mistakes.append(
-                (("save_every",), f"would save more than {_MAX_SAVES} times")
-            )
-        return mistakes
-
-    @property
-    def last(self) -> float:
-        """Time at which the run stops [s]: later results would not be saved."""
-        return self.save_times[-1]
-
-    @property
-    def save_times(self) -> tuple[float, ...]:
-        """Times at which the state is saved [s]; with `save_every` also the end."""
-        if self.save_every is None:
-            return self.save_at or ()
-        # An interval that rounding leaves before the end is not a step of its own.
-        full_intervals = round(self.end / self.save_every * (1.0 - 1e-9) - 0.5)
-        return (*(self.save_every * (i + 1) for i in range(full_intervals)), self.end)
 
 
 class _TruthConfig(Model):
@@ -114,6 +68,9 @@ class SceneConfig(Model, builds="Scene"):
     with which they move."""
     surface_outputs: tuple[Literal["heat_flux", "heat_transfer_coefficient"], ...] = ()
     """Quantities that are saved for every fragment, in addition to its temperature."""
+    temperature: StartTemperature | None = None
+    """Temperature at the start of the bodies that have none of their own [K]; `steady`
+    for their steady state with the values of the start."""
     bodies: Annotated[tuple[BodyConfig, ...], NotEmpty] = ()
     assembly: AssemblyConfig | None = None
     """Further bodies, after `bodies`, from the parts of one file; a run has them in its
@@ -124,7 +81,7 @@ class SceneConfig(Model, builds="Scene"):
     """Everything that heats and cools the bodies; other mechanisms are not computed."""
     outdoors: OutdoorsConfig | None = None
     """Sun, sky, ground and wind of a place and date, in addition to `terms`."""
-    time: _TimeConfig
+    time: TimeConfig
     solver: SolverConfig = AutoSolver()
     """Time integration, by default chosen from the scene."""
     truth: _TruthConfig | None = None
@@ -137,17 +94,20 @@ class SceneConfig(Model, builds="Scene"):
     @override
     def completed(cls, data: Data, context: Any) -> Data:
         if data.get("assembly") is not None:
-            data = with_assembly(data, context)
+            assembly = _with_start(data, data["assembly"])
+            data = with_assembly({**data, "assembly": assembly}, context)
         bodies = data.get("bodies")
         if not isinstance(bodies, list):
             return data
         data = with_numbers(data)
         # The scene says where a skin is of use, and after which time.
-        with_skins = [
-            _with_skin(data, number, body) if isinstance(body, dict) else body
+        completed = [
+            _with_start(data, _with_skin(data, number, body))
+            if isinstance(body, dict)
+            else body
             for number, body in enumerate(bodies)
         ]
-        return {**data, "bodies": with_skins}
+        return {**data, "bodies": completed}
 
     def build(self, *args: Any) -> "Scene":
         """The scene, with its meshes loaded and voxelized.
@@ -214,8 +174,12 @@ class SceneConfig(Model, builds="Scene"):
         }
 
     def scene(self, bodies: tuple[Any, ...], terms: tuple[Any, ...]) -> "Scene":
-        """A scene of these bodies and terms, with the options of this config."""
-        return self.target()(
+        """A scene of these bodies and terms, with the options of this config.
+
+        Raises:
+            InputError: where bodies start at a steady state and there is none.
+        """
+        scene = self.target()(
             bodies=bodies,
             terms=terms,
             dtype=self.dtype,
@@ -223,6 +187,26 @@ class SceneConfig(Model, builds="Scene"):
             probes=self.probes,
             surface_outputs=self.surface_outputs,
         )
+        steady = self.steady_bodies
+        if not steady:
+            return scene
+        with located("temperature: steady"):
+            try:
+                return jaxthermo.start_steady(scene, steady)
+            except RuntimeError as error:
+                raise InputError(str(error)) from error
+
+    @property
+    def steady_bodies(self) -> tuple[int, ...]:
+        """Numbers of the bodies that start at a steady state, and of air in them."""
+        starts = [body.starts_steady for body in self.bodies]
+        # The bodies of air follow all others.
+        starts += [
+            body.starts_steady and body.air.temperature is None
+            for body in self.bodies
+            if body.air is not None
+        ]
+        return tuple(number for number, is_steady in enumerate(starts) if is_steady)
 
     @classmethod
     @override
@@ -256,6 +240,16 @@ class SceneConfig(Model, builds="Scene"):
             and body.air.is_exchanged
             and body.air.outside is None
         ]
+
+
+def _with_start(data: Mapping[str, Any], body: Any) -> Any:
+    """A body or assembly with the temperature of the scene, where it has none."""
+    start = data.get("temperature")
+    if start is None or not isinstance(body, dict):
+        return body
+    if body.get("temperature") is not None:
+        return body
+    return {**body, "temperature": start}
 
 
 # Terms that act inside bodies, or between two.
@@ -401,7 +395,7 @@ def _terms(data: Mapping[str, object]) -> list[Mapping[str, Any]]:
 
 
 def _unsaved_frames(data: Mapping[str, object]) -> list[Mistake]:
-    time = _if_valid(_TimeConfig, data.get("time"))
+    time = _if_valid(TimeConfig, data.get("time"))
     image = data.get("image")
     frames = image.get("frames") if isinstance(image, dict) else None
     # The frames alone: other values of the image may have mistakes of their own.

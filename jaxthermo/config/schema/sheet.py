@@ -19,6 +19,7 @@ from ..types.quantities import (
     PositiveTime,
     Temperature,
     Whole,
+    word_or_temperature,
 )
 from .material import Material, data_rows, one_of
 
@@ -72,14 +73,10 @@ _Layers = Annotated[
 ]
 
 
-def _word_or_temperature(value: Any) -> str:
-    return "<word>" if value in ("open", "adiabatic") else "<temperature>"
-
-
 _Back = Annotated[
     Annotated[Literal["open", "adiabatic"], Tag("<word>")]
     | Annotated[Temperature, Tag("<temperature>")],
-    Discriminator(_word_or_temperature),
+    word_or_temperature("open", "adiabatic"),
 ]
 
 

@@ -9,15 +9,17 @@ import math
 import re
 import sys
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     Strict,
+    Tag,
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -86,6 +88,7 @@ class Unit:
 
 
 LENGTH = Unit("m", "a length", "2 mm")
+TIME = Unit("s", "a time", "3 min")
 TEMPERATURE = Unit("K", "a temperature", "25 degC")
 TEMPERATURE_DIFFERENCE = Unit("K", "a temperature difference", "50 mK")
 HEAT_FLUX = Unit("W/m^2", "a heat flux", "1 kW/m^2")
@@ -224,6 +227,15 @@ class NoneWord:
         return {"anyOf": [handler(schema), {"const": self.word}]}
 
 
+def word_or_temperature(*words: str) -> Discriminator:
+    """Marker of a field that is one of some words, or a temperature."""
+
+    def tag(value: Any) -> str:
+        return "<word>" if value in words else "<temperature>"
+
+    return Discriminator(tag)
+
+
 # Marks a value that is chosen from the scene if it is "auto" or missing.
 Auto = NoneWord("auto")
 
@@ -264,9 +276,14 @@ Length = Annotated[float, LENGTH]
 PositiveLength = Annotated[Length, Field(gt=0)]
 PositiveVolume = Annotated[float, Unit("m^3", "a volume", "3 m^3"), Field(gt=0)]
 AirExchange = Annotated[float, Unit("1/s", "an air exchange", "2 1/h"), Field(ge=0)]
-Time = Annotated[float, Unit("s", "a time", "3 min")]
+Time = Annotated[float, TIME]
 PositiveTime = Annotated[Time, Field(gt=0)]
 Temperature = Annotated[float, TEMPERATURE, AfterValidator(_plausible)]
+StartTemperature = Annotated[
+    Annotated[Literal["steady"], Tag("<word>")]
+    | Annotated[Temperature, Tag("<temperature>")],
+    word_or_temperature("steady"),
+]
 Angle = Annotated[float, ANGLE]
 Irradiance = Annotated[float, Unit("W/m^2", "an irradiance", "800 W/m^2"), Field(ge=0)]
 HeatFlux = Annotated[float, HEAT_FLUX]

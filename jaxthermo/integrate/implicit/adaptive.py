@@ -31,13 +31,12 @@ from ..stepper import AbstractStepper, RunState
 from .conjugate_gradient import ConjugateGradient, max_abs
 from .jacobian import ImplicitContext, linearize
 from .newton_stage import (
-    SolverStatistics,
     kelvin_norm,
     missing_heat,
     solve_linear,
-    zero_statistics,
 )
 from .runge_kutta import SQRT2, TR_BDF2, StepResult, runge_kutta_step
+from .solver_statistics import SolverStatistics, zero_statistics
 
 
 _IMPLICIT_COEFFICIENT = 1 - SQRT2 / 2

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import lineax as lx
-from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
 from ...arrays import stop_gradient
@@ -25,6 +24,7 @@ from ...scene.compile.program import Program, State
 from ..heat_rates import evaluate_rates
 from .conjugate_gradient import BiCGStab, ConjugateGradient, ResidualNorm, max_abs
 from .jacobian import ImplicitContext, Linearization, linearize, masked_to_nodes
+from .solver_statistics import SolverStatistics, zero_statistics
 
 
 _MAX_NEWTON_ITERATIONS = 20
@@ -34,62 +34,6 @@ _SHORTEST_STEP = 1 / 64
 
 _DERIVATIVE_TOLERANCE = 1e-6
 """Tolerance relative to the right-hand side; in float32 20 roundings, if more."""
-
-
-class SolverStatistics(Module):
-    """Cost and failures of an implicit solver since the start of the run."""
-
-    newton_iterations: Int[Array, ""]
-    linear_iterations: Int[Array, ""]
-    accepted_steps: Int[Array, ""]
-    """Steps under error control."""
-    rejected_steps: Int[Array, ""]
-    """Steps under error control that were repeated shorter."""
-    largest_linear_residual: Float[Array, ""]
-    """Largest final residual of a linear solve over capacity, or its correction where
-    the residual is rounding [K]."""
-    linear_failed: Bool[Array, ""]
-    newton_failed: Bool[Array, ""]
-    step_limit_reached: Bool[Array, ""]
-    """True if the error control gave up on an interval."""
-
-    def plus(self, later: "SolverStatistics") -> "SolverStatistics":
-        """Return the statistics of two parts of a run together."""
-
-        # Counts add up, failures stay, and residuals are compared.
-        def combine(a: Array, b: Array) -> Array:
-            if jnp.issubdtype(a.dtype, jnp.floating):
-                return jnp.maximum(a, b)
-            return a | b if a.dtype == bool else a + b
-
-        return jax.tree.map(combine, self, later)
-
-    def after_solve(self, solve: "LinearSolve") -> "SolverStatistics":
-        """Count a Newton iteration by the outcome of its linear solve."""
-        # Only the last solve of a stage counts: earlier ones need not be exact.
-        return replace(
-            self,
-            newton_iterations=self.newton_iterations + 1,
-            linear_iterations=self.linear_iterations + solve.iterations,
-            largest_linear_residual=solve.residual,
-            linear_failed=~solve.converged,
-        )
-
-
-def zero_statistics(dtype) -> SolverStatistics:
-    """Return the statistics of a run that has not started."""
-    zero = jnp.zeros((), jnp.int32)
-    false = jnp.zeros((), bool)
-    return SolverStatistics(
-        newton_iterations=zero,
-        linear_iterations=zero,
-        accepted_steps=zero,
-        rejected_steps=zero,
-        largest_linear_residual=jnp.zeros((), dtype),
-        linear_failed=false,
-        newton_failed=false,
-        step_limit_reached=false,
-    )
 
 
 class _Iterate(NamedTuple):
@@ -206,6 +150,18 @@ class LinearSolve(NamedTuple):
     """Final norm, in the unit of the solver's tolerance."""
 
 
+def after_solve(statistics: SolverStatistics, solve: LinearSolve) -> SolverStatistics:
+    """Count a Newton iteration by the outcome of its linear solve."""
+    # Only the last solve of a stage counts: earlier ones need not be exact.
+    return replace(
+        statistics,
+        newton_iterations=statistics.newton_iterations + 1,
+        linear_iterations=statistics.linear_iterations + solve.iterations,
+        largest_linear_residual=solve.residual,
+        linear_failed=~solve.converged,
+    )
+
+
 def solve_linear(
     at: Linearization, heat: State, solver: ConjugateGradient
 ) -> LinearSolve:
@@ -302,7 +258,7 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
             residual=end.residual,
             entries=end.entries,
             change=size,
-            statistics=now.statistics.after_solve(solve),
+            statistics=after_solve(now.statistics, solve),
         )
 
     residual, entries = _residual(program, base=base, g=g, time=time, states=guess)

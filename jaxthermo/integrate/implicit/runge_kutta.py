@@ -24,7 +24,8 @@ from ..heat_rates import evaluate_rates, load_slopes, pair_conductance
 from ..ledger import into_bodies
 from ..stepper import AbstractStepper, RunState
 from .jacobian import ImplicitContext
-from .newton_stage import SolverStatistics, solve_stage, zero_statistics
+from .newton_stage import solve_stage
+from .solver_statistics import SolverStatistics, zero_statistics
 
 
 class Tableau(NamedTuple):

@@ -43,15 +43,17 @@ from ...scene.named import Probe
 from ...scene.receipt_model import Receipt
 from ...scene.scene import SURFACE_OUTPUTS, SolvedSurface, per_fragment
 from ...shown import html_of
-from ..energy import Energy
+from ..energy import Energy, HeatRates
+from .plain_values import plain_value
+from .run_summary import RunSummary
 from .solution_arrays import (
     FORMAT_VERSION,
     KIND,
+    balance_columns,
     body_arrays,
-    energy_columns,
     json_array,
 )
-from .stored_terms import plain_terms, seen_terms
+from .stored_terms import seen_terms
 
 
 SOLUTION_FILE = "solution.npz"
@@ -75,6 +77,9 @@ class AbstractSolution(Module):
     terms: eqx.AbstractVar[tuple[AbstractTerm, ...]]
     mean_temperature: eqx.AbstractVar[Float[Array | np.ndarray, "t b"] | None]
     energy: eqx.AbstractVar[Energy | None]
+    heat_rates: eqx.AbstractVar[HeatRates | None]
+    receipt: eqx.AbstractVar[Receipt | None]
+    run: eqx.AbstractVar[RunSummary | None]
     probes: eqx.AbstractVar[tuple[Probe, ...]]
     probe_temperature: eqx.AbstractVar[Float[Array, "t p"] | None]
     heat_flux: eqx.AbstractVar[Float[Array, "t s"] | None]
@@ -191,6 +196,9 @@ class AbstractSolution(Module):
             terms=seen_terms(self.terms),
             mean_temperature=_on_host(self.mean_temperature),
             energy=jax.tree.map(np.asarray, self.energy),
+            heat_rates=jax.tree.map(np.asarray, self.heat_rates),
+            receipt=self.receipt,
+            run=jax.tree.map(np.asarray, self.run),
             probes=self.probes,
             probe_temperature=_on_host(self.probe_temperature),
             heat_flux=_on_host(self.heat_flux),
@@ -203,6 +211,7 @@ class AbstractComputedSolution(AbstractSolution):
 
     radiation: eqx.AbstractVar[SceneRadiation]
     receipt: eqx.AbstractVar[Receipt]
+    run: eqx.AbstractVar[RunSummary]
 
     @override
     def irradiance(self, index: int) -> Irradiance:
@@ -254,6 +263,12 @@ class StoredSolution(AbstractSolution):
     """Capacity-weighted mean of each body [K]."""
     energy: Energy | None = None
     """Energies [J]; None of a steady state."""
+    heat_rates: HeatRates | None = None
+    """Heat rates of a steady state [W]; None of a run."""
+    receipt: Receipt | None = eqx.field(static=True, default=None)
+    """Terms included and left out, and the remarks on them."""
+    run: RunSummary | None = None
+    """Steps and solver."""
     probes: tuple[Probe, ...] = eqx.field(static=True, default=())
     probe_temperature: Float[Array | np.ndarray, "t p"] | None = None
     """At the scene's probes [K]; None without any."""
@@ -265,7 +280,7 @@ class StoredSolution(AbstractSolution):
     @override
     def load_time(self, index: int) -> Time | HostTime:
         # The loads of a steady state are those of its own time.
-        if self.irradiances is not None and self.energy is None:
+        if self.heat_rates is not None:
             return _row(self.times, index)
         return super().load_time(index)
 
@@ -313,11 +328,18 @@ def _arrays(solution: StoredSolution) -> Mapping[str, Any]:
     arrays["irradiance"] = solution.irradiances.thermal
     arrays["irradiance_sources"] = solution.irradiances.sources
     arrays["source_spectrum"] = solution.irradiances.spectrum
-    arrays["terms"] = json_array(plain_terms(solution.terms, load_times))
-    if solution.energy is not None:
-        columns = dict(energy_columns(solution.energy))
-        arrays["energy"] = np.stack(list(columns.values()), axis=1)
-        arrays["energy_columns"] = json_array(list(columns))
+    arrays["terms"] = json_array(plain_value(solution.terms, load_times))
+    balances = {"energy": solution.energy, "heat_rates": solution.heat_rates}
+    for name, balance in balances.items():
+        if balance is not None:
+            columns = dict(balance_columns(balance))
+            arrays[name] = np.stack(list(columns.values()), axis=-1).reshape(
+                len(times), len(columns)
+            )
+            arrays["balance_columns"] = json_array(list(columns))
+    for name in ("receipt", "run"):
+        if getattr(solution, name) is not None:
+            arrays[name] = json_array(plain_value(getattr(solution, name)))
     # Optional outputs of the scene.
     for name in (*SURFACE_OUTPUTS, "probe_temperature"):
         if getattr(solution, name) is not None:

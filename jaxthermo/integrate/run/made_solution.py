@@ -13,7 +13,7 @@ from ...arrays import device_array, is_traced, taken
 from ...network.network import Address, precise_sum
 from ...parallel.lattice import own_copies, replicated
 from ...scene.compile.program import Program, State
-from ..implicit.newton_stage import SolverStatistics
+from ..implicit.solver_statistics import SolverStatistics
 from ..ledger import EnergyTable, energies, energy_table
 from ..stepper import RunState
 from .missed_limits import EnergyResidual, energy_residual, judged_run
@@ -92,6 +92,7 @@ def make_solution(
         receipt=receipt,
         probes=plan.scene.probes,
         probe_temperature=saved.probe_temperature,
+        heat_rates=None,
         **saved.fragment_outputs,
     )
 

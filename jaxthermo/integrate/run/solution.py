@@ -7,7 +7,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
@@ -26,12 +25,13 @@ from ...scene.compile.program import Program
 from ...scene.named import Probe
 from ...scene.receipt_model import Receipt
 from ...scene.scene import SolvedSurface
-from ..energy import Energy
+from ..energy import Energy, HeatRates
 from ..heat_rates import pair_nodes
-from ..implicit.newton_stage import SolverStatistics
-from ..ledger import HeatRates, Ledger
+from ..implicit.solver_statistics import SolverStatistics
+from ..ledger import Ledger
 from ..stepper import RunState
 from .abstract_solution import AbstractComputedSolution
+from .run_summary import RunSummary
 
 
 class RESULTS(eqx.Enumeration):
@@ -83,27 +83,6 @@ def result_name(result: RESULTS) -> str:
     return next(name for name in _RESULT_NAMES if result == getattr(RESULTS, name))
 
 
-class RunSummary(Module):
-    """Steps and solver of a run."""
-
-    steps: int = eqx.field(static=True)
-    dt: float | None = eqx.field(static=True)
-    """Largest step taken [s]."""
-    stable_step: float | None = eqx.field(static=True)
-    """Largest stable explicit step [s]; None where it could not be known, and in a
-    steady state."""
-    solver: str = eqx.field(static=True, default="ForwardEuler")
-    statistics: SolverStatistics | None = None
-    """Totals at the end of the run; None for explicit solvers."""
-    time_error: float | None = eqx.field(static=True, default=None)
-    """Estimate of the largest error in time of any fragment at any saved time [K], not
-    below the energy residual; None without `ErrorControl`, or in a traced scene."""
-    time_error_limit: float | None = eqx.field(static=True, default=None)
-    """Limit up to which steps were divided [K]."""
-    warnings: tuple[str, ...] = eqx.field(static=True, default=())
-    """Limits that the run missed, each with its cause and what to do."""
-
-
 class Solution(AbstractComputedSolution):
     """Surface temperatures over time [K] and the energy ledger [J], from `simulate`."""
 
@@ -129,6 +108,8 @@ class Solution(AbstractComputedSolution):
     heat_transfer_coefficient: Float[Array, "t s"] | None = None
     """h of every fragment, summed over all convection [W/(m^2 K)]; 0 at time 0. None
     unless in the scene's `surface_outputs`."""
+    heat_rates: None = eqx.field(static=True, default=None)
+    """None: `energy` has the heat of a run."""
 
 
 class SteadySolution(AbstractComputedSolution):
@@ -143,6 +124,10 @@ class SteadySolution(AbstractComputedSolution):
     heat_rates: HeatRates
     isolated_components: int = eqx.field(static=True)
     """Number of parts without heat exchange, which keep their initial mean."""
+    isolated_bodies: tuple[int, ...] = eqx.field(static=True)
+    """Numbers of the bodies with such parts."""
+    node_temperature: tuple[Float[Array, " _"], ...]
+    """Temperature of every node of each body [K]."""
     result: RESULTS
     run: RunSummary
     surfaces: tuple[SolvedSurface, ...]

@@ -13,12 +13,13 @@ from ...geometry.mesh import Pose
 from ...physics.flux_law import Values
 from ...scene.motion import Motion, PoseTable
 from ...scene.scene import BodyGeometry, SolvedSurface
-from ..energy import Energy
+from ..energy import Energy, HeatRates
 
 
-FORMAT_VERSION = 6
+FORMAT_VERSION = 7
 """Version of the file's layout; version 3 added the checksum, version 5 the radiation
-that reaches surfaces, version 6 what surrounds them and the energies of each body."""
+that reaches surfaces, version 6 what surrounds them and the energies of each body,
+version 7 the receipt, the summary of the run, and the heat rates of a steady state."""
 
 KIND = "solution"
 """Name of the file in messages."""
@@ -35,10 +36,14 @@ class RunArrays(NamedTuple):
     source_spectrum: Float[np.ndarray, "t q"]
     # Terms that a camera sees, as JSON in UTF-8.
     terms: UInt8[np.ndarray, " j"]
-    # Columns of the energies and their names as JSON in UTF-8, see `energy_columns`;
-    # a steady state has none.
+    # Columns of the energies of a run, or of the heat rates of a steady state, and
+    # their names as JSON in UTF-8, see `balance_columns`.
     energy: Float[np.ndarray, "t e"] | None = None
-    energy_columns: UInt8[np.ndarray, " c"] | None = None
+    heat_rates: Float[np.ndarray, "1 e"] | None = None
+    balance_columns: UInt8[np.ndarray, " c"] | None = None
+    # `Receipt` and `RunSummary` as JSON in UTF-8.
+    receipt: UInt8[np.ndarray, " m"] | None = None
+    run: UInt8[np.ndarray, " n"] | None = None
     # Optional outputs of the scene.
     heat_flux: Float[np.ndarray, "t s"] | None = None
     heat_transfer_coefficient: Float[np.ndarray, "t s"] | None = None
@@ -132,8 +137,8 @@ _MECHANISM = "mechanism"
 _CONTACT = "contact"
 
 
-class EnergyColumn(NamedTuple):
-    """One column of the energies in a file."""
+class BalanceColumn(NamedTuple):
+    """One column of the energies or heat rates in a file."""
 
     body: int
     """Number of the body; -1 for all together."""
@@ -143,60 +148,108 @@ class EnergyColumn(NamedTuple):
     """Name of the mechanism or of the contact; empty for the others."""
 
 
-def energy_columns(
-    energy: Energy, body: int = -1
-) -> Iterator[tuple[EnergyColumn, Float[np.ndarray, " t"]]]:
-    """Columns of the energies of all bodies together, then of each one [J]."""
-    yield EnergyColumn(body, _STORED, ""), np.asarray(energy.stored_J)
-    yield EnergyColumn(body, _RESIDUAL, ""), np.asarray(energy.residual_relative)
-    for name, heat in energy.mechanisms.items():
-        yield EnergyColumn(body, _MECHANISM, name), np.asarray(heat)
-    for name, heat in energy.contacts.items():
-        yield EnergyColumn(body, _CONTACT, name), np.asarray(heat)
-    for number, of_body in enumerate(energy.bodies):
-        yield from energy_columns(of_body, number)
+def balance_columns(
+    balance: Energy | HeatRates, body: int = -1
+) -> Iterator[tuple[BalanceColumn, Float[np.ndarray, "*t"]]]:
+    """Columns of the energies [J] or heat rates [W] of all bodies, then of each."""
+    if isinstance(balance, Energy):
+        yield BalanceColumn(body, _STORED, ""), np.asarray(balance.stored_J)
+    yield BalanceColumn(body, _RESIDUAL, ""), np.asarray(balance.residual_relative)
+    for name, heat in balance.mechanisms.items():
+        yield BalanceColumn(body, _MECHANISM, name), np.asarray(heat)
+    for name, heat in balance.contacts.items():
+        yield BalanceColumn(body, _CONTACT, name), np.asarray(heat)
+    for number, of_body in enumerate(balance.bodies):
+        yield from balance_columns(of_body, number)
 
 
-def energy_of_columns(run: "RunArrays") -> Energy | None:
+class _HeatColumns(NamedTuple):
+    """Columns of energies or heat rates by their names."""
+
+    values: dict[BalanceColumn, Values]
+
+    def value(self, body: int, kind: str) -> Values:
+        """The one column of a kind of a body.
+
+        Raises:
+            InputError: if it is missing.
+        """
+        try:
+            return self.values[BalanceColumn(body, kind, "")]
+        except KeyError as error:
+            raise InputError(f"the column {kind!r} of a body is missing") from error
+
+    def named(self, body: int, kind: str) -> dict[str, Values]:
+        """Columns of a kind of a body by their names."""
+        return {
+            column.name: heat
+            for column, heat in self.values.items()
+            if column[:2] == (body, kind)
+        }
+
+
+def _heat_columns(values: Float[np.ndarray, "t e"], run: RunArrays) -> _HeatColumns:
+    if run.balance_columns is None:
+        raise InputError("energies or heat rates have no names")
+    listed = json_content(run.balance_columns, "balance_columns")
+    try:
+        columns = [BalanceColumn(int(b), str(kind), str(n)) for b, kind, n in listed]
+    except (TypeError, ValueError) as error:
+        raise InputError("balance_columns is not a list of names") from error
+    if len(columns) != values.shape[1]:
+        raise InputError(
+            f"{values.shape[1]} columns of a balance, and {len(columns)} have a name"
+        )
+    return _HeatColumns(dict(zip(columns, values.T, strict=True)))
+
+
+def stored_energy(run: RunArrays) -> Energy | None:
     """The energies of a run from their columns; None for a steady state.
 
     Raises:
         InputError: if columns are missing or have no name.
     """
-    if run.energy is None or run.energy_columns is None:
+    if run.energy is None:
         return None
-    listed = json_content(run.energy_columns, "energy_columns")
-    try:
-        columns = [EnergyColumn(int(b), str(kind), str(n)) for b, kind, n in listed]
-    except (TypeError, ValueError) as error:
-        raise InputError("energy_columns is not a list of names") from error
-    if len(columns) != run.energy.shape[1]:
-        raise InputError(
-            f"energy has {run.energy.shape[1]} columns, and {len(columns)} have a name"
-        )
-    heats = dict(zip(columns, run.energy.T, strict=True))
+    columns = _heat_columns(run.energy, run)
 
     def of_body(body: int, bodies: tuple[Energy, ...] = ()) -> Energy:
-        def named(kind: str) -> dict[str, Values]:
-            return {
-                column.name: heat
-                for column, heat in heats.items()
-                if column[:2] == (body, kind)
-            }
-
-        try:
-            return Energy(
-                stored_J=heats[EnergyColumn(body, _STORED, "")],
-                mechanisms=named(_MECHANISM),
-                contacts=named(_CONTACT),
-                bodies=bodies,
-                residual_relative=heats[EnergyColumn(body, _RESIDUAL, "")],
-            )
-        except KeyError as error:
-            raise InputError("energy lacks a column of a body") from error
+        return Energy(
+            stored_J=columns.value(body, _STORED),
+            mechanisms=columns.named(body, _MECHANISM),
+            contacts=columns.named(body, _CONTACT),
+            bodies=bodies,
+            residual_relative=columns.value(body, _RESIDUAL),
+        )
 
     count = run.mean_temperature.shape[1]
     return of_body(-1, tuple(of_body(body) for body in range(count)))
+
+
+def stored_heat_rates(run: RunArrays) -> HeatRates | None:
+    """The heat rates of a steady state from their columns; None for a run.
+
+    Raises:
+        InputError: if columns are missing or have no name.
+    """
+    if run.heat_rates is None:
+        return None
+    columns = _heat_columns(run.heat_rates, run)
+
+    def of_body(body: int, bodies: tuple[HeatRates, ...] = ()) -> HeatRates:
+        return HeatRates(
+            mechanisms=_only_rows(columns.named(body, _MECHANISM)),
+            contacts=_only_rows(columns.named(body, _CONTACT)),
+            bodies=bodies,
+            residual_relative=columns.value(body, _RESIDUAL).reshape(()),
+        )
+
+    count = run.mean_temperature.shape[1]
+    return of_body(-1, tuple(of_body(body) for body in range(count)))
+
+
+def _only_rows(heats: dict[str, Values]) -> dict[str, Values]:
+    return {name: heat.reshape(()) for name, heat in heats.items()}
 
 
 def _check_ranges(body: BodyArrays) -> None:

@@ -1,23 +1,29 @@
 """Reads `solution.npz`, from which the images of a run can be drawn again."""
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
+from jaxtyping import UInt8
 
 from ...archive import read_archive, select_arrays
 from ...errors import InputError
 from ...physics.radiation.irradiation import Irradiance
 from ...scene.named import Probe
+from ...scene.receipt_model import Receipt
 from ...scene.scene import SURFACE_OUTPUTS
 from .abstract_solution import SOLUTION_FILE, StoredSolution
+from .plain_values import built_value
+from .run_summary import RunSummary
 from .solution_arrays import (
     FORMAT_VERSION,
     KIND,
     BodyArrays,
     RunArrays,
-    energy_of_columns,
     json_content,
     solved_surface,
+    stored_energy,
+    stored_heat_rates,
 )
 from .stored_terms import stored_terms
 
@@ -29,8 +35,9 @@ def load_run(folder: str | Path) -> StoredSolution:
     """Read the run in a folder of `jaxthermo simulate` or of `solution.save`.
 
     Returns:
-        The temperatures, energies and surfaces of the run, which `render`, `frames`,
-        `probe` and `surface_error` take as the solution itself.
+        The temperatures, energies and surfaces of the run, its receipt and its steps,
+        which `render`, `frames`, `probe` and `surface_error` take as the solution
+        itself.
 
     Raises:
         InputError: if the folder has no run, or one that is damaged or of another
@@ -95,11 +102,29 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
         ),
         terms=stored_terms(json_content(run.terms, "terms")),
         mean_temperature=run.mean_temperature,
-        energy=energy_of_columns(run),
+        energy=stored_energy(run),
+        heat_rates=stored_heat_rates(run),
+        receipt=_stored(Receipt, run.receipt, "receipt"),
+        run=_stored(RunSummary, run.run, "run"),
         probes=_probes(run),
         probe_temperature=run.probe_temperature,
         **{name: getattr(run, name) for name in SURFACE_OUTPUTS},
     )
+
+
+_StoredT = TypeVar("_StoredT")
+
+
+def _stored(
+    cls: type[_StoredT], array: UInt8[np.ndarray, " n"] | None, name: str
+) -> _StoredT | None:
+    """A receipt or a summary from its array; None if there is none."""
+    if array is None:
+        return None
+    value = built_value(json_content(array, name), name)
+    if not isinstance(value, cls):
+        raise InputError(f"{name} is no {cls.__name__}")
+    return value
 
 
 def _check_names(arrays: dict[str, np.ndarray], bodies: int) -> None:

@@ -278,7 +278,9 @@ def _start_of_group(
 ) -> tuple[tuple[Scalar, ...], Float[Values, "..."]]:
     """References of the bodies, and the temperatures of all nodes above them [K]."""
     values: list[Any] = [body.temperature for body in group.bodies]
-    are_numbers = all(is_traced(value) and value.ndim == 0 for value in values)
+    are_numbers = all(
+        is_traced(value) and not callable(value) and value.ndim == 0 for value in values
+    )
     if are_numbers and not group.is_single:
         temperatures = stacked(values, dtype)
         fixed = jax.lax.stop_gradient(temperatures)

@@ -9,9 +9,10 @@ from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
 from jaxthermo.config.schema.geometry import PoseConfig, _Box
 from jaxthermo.config.schema.image import OrthographicConfig
 from jaxthermo.config.schema.material import _MaterialConfig
-from jaxthermo.config.schema.scene import SceneConfig, _TimeConfig
+from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.schema.solver import _ForwardEuler
 from jaxthermo.config.schema.terms import _ConvectionConfig, _SunConfig
+from jaxthermo.config.schema.time import TimeConfig
 from jaxthermo.config.types.varying import _Table
 
 
@@ -72,7 +73,7 @@ def test_values_are_si(full):
 
 @pytest.mark.parametrize(("end", "interval", "count"), [(180, 30, 6), (1, 0.1, 10)])
 def test_saving_at_every_step_ends_with_the_end(end, interval, count):
-    times = _TimeConfig.model_validate({"end": end, "save_every": interval}).save_times
+    times = TimeConfig.model_validate({"end": end, "save_every": interval}).save_times
     assert len(times) == count
     assert times[-1] == end
 

@@ -100,6 +100,53 @@ def test_energies_and_probes_are_read_by_name(solution, tmp_path):
     np.testing.assert_array_equal(stored.mean_temperature, solution.mean_temperature)
 
 
+def test_receipt_and_steps_are_those_of_the_run(solution, tmp_path):
+    solution.save(tmp_path)
+    stored = jt.load_run(tmp_path)
+    assert stored.heat_rates is None
+    assert stored.receipt is not None
+    assert stored.receipt.as_dict() == solution.receipt.as_dict()
+    assert stored.run == solution.run
+    # A second file has the same: nothing is lost on the way.
+    (tmp_path / "again").mkdir()
+    stored.save(tmp_path / "again")
+    again = jt.load_run(tmp_path / "again")
+    assert again.receipt is not None and again.run == solution.run
+    assert again.receipt.as_dict() == solution.receipt.as_dict()
+
+
+def test_a_steady_state_is_read_with_its_heat_rates(tmp_path):
+    bodies = tuple(
+        jt.Body(
+            jt.FullVolume(bar(4, 0.01)),
+            COPPER,
+            temperature=300.0,
+            pose=jt.Pose(translation=(0.0, 0.0, height)),
+        )
+        for height in (0.0, 0.01)
+    )
+    terms = (
+        jt.Convection(20.0, 290.0),
+        jt.HeatSource(5e4, within=jt.Everything(body=0)),
+        jt.Contact(500.0),
+    )
+    solution = jt.steady(jt.Scene(bodies, terms), at=7.0)
+    solution.save(tmp_path)
+    stored = jt.load_run(tmp_path)
+    assert stored.energy is None
+    assert jax.tree.structure(stored.heat_rates) == jax.tree.structure(
+        solution.heat_rates
+    )
+    jax.tree.map(np.testing.assert_array_equal, stored.heat_rates, solution.heat_rates)
+    assert stored.heat_rates is not None and len(stored.heat_rates.contacts) == 1
+    assert float(np.asarray(stored.load_time(0))) == 7.0
+    assert stored.run is not None and stored.run.statistics is not None
+    assert solution.run.statistics is not None
+    assert stored.run.statistics.newton_iterations == int(
+        solution.run.statistics.newton_iterations
+    )
+
+
 def test_a_missing_file_says_what_makes_it(tmp_path):
     with pytest.raises(jt.InputError, match="no such file; `jaxthermo simulate`"):
         load_solution(tmp_path / "solution.npz")
@@ -155,7 +202,9 @@ BAD_ARRAYS = {
     "irradiance_sources": lambda a: a[0],
     "source_spectrum": lambda a: a[1:],
     "energy": lambda a: a[:, 1:],
-    "energy_columns": lambda a: a[:-1],
+    "balance_columns": lambda a: a[:-1],
+    "receipt": lambda a: a[:-1],
+    "run": lambda a: np.frombuffer(b"[]", np.uint8),
     "terms": lambda a: a[1:],
     "probe_names": lambda a: a[:0],
     "heat_flux": lambda a: a[:, 1:],

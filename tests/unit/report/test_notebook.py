@@ -62,6 +62,7 @@ def test_a_solution_and_an_image_show_what_was_seen(solution):
         "heat by convection",
         "heat by heat_flux",
         f"energy residual {abs(solution.energy.residual_relative).max():.1e}",
+        f"{solution.run.steps} steps by SuperTimeStepping",
     ]
     camera = jt.Camera((0.3, -0.3, 0.1), (0.05, 0.0, 0.0), width=160, height=120)
     pixels, lines = shown(jt.render(solution, camera))
