@@ -10,6 +10,7 @@ from ..arrays import Scalar, rank_in_group, stable_order
 from ..errors import InputError, shortened
 from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
+from ..memo.shared import shared
 from ..memo.stored import stored_search
 from .cell_areas import Patches, areas_of_mesh
 from .crossings import Cells, Crossings, find_crossings
@@ -47,6 +48,8 @@ def voxelize(
 ) -> VoxelGrid:
     """Compute the solid voxels and surface fragments of a mesh.
 
+    Equal arguments give the same grid, for as long as it is in use.
+
     Args:
         mesh: the body; holes are bridged by a vote of the three axes. A
             `trimesh.Trimesh`, in metres and z up, is repaired as `load_mesh` does.
@@ -75,8 +78,12 @@ def voxelize(
     if not isinstance(mesh, Mesh):
         mesh = repair_mesh(as_mesh(mesh))
     check_pitch(mesh, pitch, SURFACE_MEMORY[surface_cells])
-    # With the caller's own mesh, by which its grids are known.
-    return replace(_voxelized(mesh, pitch, surface_cells), mesh=mesh)
+    return shared(
+        "voxels",
+        inputs=(mesh, pitch, surface_cells),
+        # With the caller's own mesh, by which its grids are known.
+        make=lambda: replace(_voxelized(mesh, pitch, surface_cells), mesh=mesh),
+    )
 
 
 _TYPES = (VoxelGrid, Lattice, Mesh, LayerCounts, ThinParts, CutVoxels, CutLinks)

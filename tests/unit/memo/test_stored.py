@@ -19,6 +19,7 @@ from jaxthermo.memo.content_hash import content_hash
 from jaxthermo.memo.store import without_cache
 from jaxthermo.memo.stored import stored, stored_search
 from jaxthermo.memo.values import read_value
+from jaxthermo.voxels.voxelize import _voxelized
 
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -137,7 +138,8 @@ def test_the_hash_of_a_number_does_not_depend_on_how_numpy_prints_it():
 
 
 def test_equal_bodies_have_equal_hashes():
-    first, second = (jt.voxelize(jt.shapes.sphere(0.02), 0.005) for _ in range(2))
+    spheres = [jt.shapes.sphere(0.02) for _ in range(2)]
+    first, second = (_voxelized(sphere, 0.005, "crossings") for sphere in spheres)
     assert first is not second
     assert content_hash(first) == content_hash(second)
 
