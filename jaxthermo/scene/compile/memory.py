@@ -63,8 +63,9 @@ _KEPT_VOXEL_LINKS = _Parts(links=43)
 _KEPT_MIXED_STENCIL = _Parts(values=16)
 # Copies in the network and in the surface that several bodies share.
 _KEPT_JOINED = _Parts(faces=108, fragments=264, nodes=16, links=40)
-# Of its voxels alone: bodies of one structure have them once.
+# Of its voxels alone: bodies of one grid have them once.
 _KEPT_ONCE = _Parts(fragments=96, nodes=52, links=40)
+_KEPT_ONCE_STENCIL = _Parts(fragments=48, cut_voxels=136)
 # Of every further snapshot: what sources that move, and bodies that move beside it,
 # change on a body at rest; and all that follows from the place of one that moves.
 _KEPT_SNAPSHOT = _Parts(fragments=30)
@@ -157,7 +158,7 @@ def forecast_memory(
             is_mixed=isinstance(body.material, AbstractMaterials),
             varies=has_varying_links(body),
             is_joined=number in joined,
-            is_known=id(structure) in known,
+            is_known=id(structure.grid) in known,
             width=width,
             saves=saves,
             snapshots=snapshots,
@@ -166,7 +167,7 @@ def forecast_memory(
         )
         by = "memory", *forecast.keywords.values()
         bodies.append(structure.found(by, forecast))
-        known.add(id(structure))
+        known.add(id(structure.grid))
     stencils = any(len(structure.state_shape) == 3 for structure in structures)
     allocator = _RUNTIME_STENCIL if stencils else 0
     retained, steps, rows, runtime = np.sum(bodies, axis=0)
@@ -211,6 +212,8 @@ def _body_forecast(
         retained = _KEPT_STENCIL.bytes_of(read)
         if is_mixed:
             retained += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
+        if is_known:
+            retained -= _KEPT_ONCE_STENCIL.bytes_of(counts)
         step_bytes = _STEPS_STENCIL[method]
         solves = _SOLVES_STENCIL
     elif in_runs:

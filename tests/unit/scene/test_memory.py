@@ -103,11 +103,12 @@ def test_the_forecast_is_that_of_the_arrays(structure_name, method):
     assert forecast.peak - forecast.runtime == pytest.approx(measured, rel=0.1)
 
 
-def test_the_forecast_of_bodies_of_one_network_is_that_of_their_arrays():
+@pytest.mark.parametrize("finer", [0.05, 0.0], ids=["unlike", "equal"])
+def test_the_forecast_of_bodies_of_one_network_is_that_of_their_arrays(finer):
     bodies = []
     for number in range(6):
         shape = jt.shapes.sphere(0.1) if number % 2 else jt.shapes.box((0.2, 0.1, 0.1))
-        grid = jt.voxelize(shape, 0.01 * (1 - 0.05 * number))
+        grid = jt.voxelize(shape, 0.01 * (1 - finer * number))
         pose = jt.Pose((0.5 * number, 0.0, 0.0))
         bodies.append(jt.Body(jt.FullVolume(grid), STEEL, temperature=300.0, pose=pose))
     scene = jt.Scene(tuple(bodies), TERMS, dtype="float32")
