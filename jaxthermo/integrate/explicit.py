@@ -28,6 +28,7 @@ Source: Meyer, Balsara, Aslam, Journal of Computational Physics 257 (2014) 594-6
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -40,6 +41,7 @@ from typing_extensions import override
 from ..arrays import device_array
 from ..network.columns import FILTER_TIME, ColumnFactors
 from ..network.network import AbstractNetwork, StepStart
+from ..scene.compile.body_program import BodyProgram
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
 from .heat_rates import add_loads
@@ -210,9 +212,9 @@ _MIN_COLUMN_STAGES = 5
 that is half of the step, whose error is several times that of the scheme."""
 
 
-def least_stages(program: Program) -> int:
-    """Return the number of stages of the shortest step of a program."""
-    has_columns = any(body.network.columns is not None for body in program.bodies)
+def least_stages(bodies: Sequence[BodyProgram]) -> int:
+    """Return the number of stages of the shortest step of some groups of bodies."""
+    has_columns = any(body.network.columns is not None for body in bodies)
     return _MIN_COLUMN_STAGES if has_columns else MIN_STAGES
 
 
@@ -345,7 +347,7 @@ class RKL2Stepper(AbstractStepper):
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
-        pairs, weight = self._stages(dt, least_stages(program))
+        pairs, weight = self._stages(dt, least_stages(program.bodies))
         table = self._table(jnp.asarray(weight, dt.dtype))
         theta = state.theta
         euler_dt = dt * weight

@@ -29,7 +29,6 @@ from .explicit import (
     MIN_STAGES,
     EulerStepper,
     RKL2Stepper,
-    least_stages,
     stable_length,
     stage_count,
 )
@@ -42,6 +41,7 @@ from .implicit.runge_kutta import (
     ImplicitStepper,
     Tableau,
 )
+from .part_stepper import StagePart, in_parts
 from .stepper import AbstractStepper
 
 
@@ -228,11 +228,13 @@ class SuperTimeStepping(AbstractSolver):
     def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
         if self.stages is not None:
             return RKL2Stepper(self.stages)
-        assert stable_step is not None
-        least = least_stages(compiled.program)
-        fixed = RKL2Stepper(stage_count(max_dt, stable_step, least))
-        # Derivatives in reverse need a number that is known when they are compiled.
-        return fixed if traced else fixed.for_any_count()
+
+        def stepper_of(stage_part: StagePart) -> RKL2Stepper:
+            fixed = RKL2Stepper(stage_part.stages)
+            # Derivatives in reverse need a number that is known when they are compiled.
+            return fixed if traced else fixed.for_any_count()
+
+        return in_parts(compiled, max_dt, stepper_of)
 
 
 class _AbstractImplicit(AbstractSolver):

@@ -410,13 +410,23 @@ class SurfaceTerms(Module):
         )
 
     def selected(
-        self, cells: slice | np.ndarray, acting: set[int], reference: Any
+        self,
+        cells: slice | np.ndarray,
+        acting: set[int],
+        reference: Any,
+        bodies: np.ndarray | None = None,
     ) -> "SurfaceTerms":
-        """The terms that act on one body, by number, with its own reference [K]."""
+        """The terms that act on some cells, by number, with their references [K].
+
+        Their total areas are those of some bodies; None for one of all cells.
+        """
 
         def select(term: BoundTerm) -> BoundTerm:
-            law = term.law.coarsened(lambda values: values[..., cells])
-            return bound(term.effective_area[cells], law.above(reference))
+            area = term.effective_area[cells]
+            law = term.law.coarsened(lambda values: values[..., cells]).above(reference)
+            if bodies is None:
+                return bound(area, law)
+            return BoundTerm(area, term.total_effective_area[bodies], law)
 
         def selection(terms: _NumberedTerms) -> _NumberedTerms:
             return _mapped(select, tuple(pair for pair in terms if pair[0] in acting))

@@ -72,7 +72,7 @@ def street(*terms, turn=0.0):
 def prepared_bodies():
     """They depend on neither terms nor poses."""
     dtype = jnp.dtype("float64")
-    groups = body_groups(street(), True)
+    groups = body_groups(street())
     return tuple(prepare(n, group, dtype) for n, group in enumerate(groups))
 
 

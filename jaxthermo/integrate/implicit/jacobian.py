@@ -144,7 +144,7 @@ def implicit_context(
     """
     dtype = compiled.receipt.dtype
     program = compiled.program
-    groups = body_groups(scene, compiled.joins)
+    groups = body_groups(scene, compiled.classes)
     for body in program.bodies:
         if not body.network.linear.is_symmetric:
             raise InputError(

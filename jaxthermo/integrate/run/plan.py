@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from ...arrays import device_array, is_traced, split_times
 from ...errors import InputError, require
 from ...physics.windows import Window
+from ...scene.compile.body_names import body_labels
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.groups import BodyGroup, body_groups
 from ...scene.compile.memory import Method, with_memory_of
@@ -19,9 +20,10 @@ from ...scene.compile.on_devices import placed_on_devices
 from ...scene.compile.program import Compiled, Program
 from ...scene.compile.time_values import with_open_functions
 from ...scene.scene import Scene
-from ..explicit import RKL2Stepper, least_stages, stage_count
+from ..explicit import RKL2Stepper
 from ..implicit.adaptive import AdaptiveStepper
 from ..ledger import empty_ledger
+from ..part_stepper import StagePart, in_parts
 from ..solvers import (
     AbstractSolver,
     ErrorControl,
@@ -69,7 +71,7 @@ class Plan(NamedTuple):
     @property
     def groups(self) -> tuple[BodyGroup, ...]:
         """Bodies that conduct as one network, one state a group."""
-        return body_groups(self.scene, self.compiled.joins)
+        return body_groups(self.scene, self.compiled.classes)
 
     @property
     def steps(self) -> int:
@@ -140,6 +142,8 @@ def plan_run(
     # Stages and multigrid follow the longest step taken, which may be far shorter
     # than the longest allowed.
     stepper = _stepper(choice, max((i.dt for i in intervals), default=max_dt))
+    if stepper.method != "implicit" and choice.stable_step is not None:
+        compiled = with_limiting_body(compiled, scene)
     if stepper.method != choice.method:
         compiled = with_memory_of(
             compiled, scene=scene, saves=len(saves), method=stepper.method
@@ -248,11 +252,15 @@ def _compiled_for(
 def _stepper(choice: _Choice, longest: float) -> AbstractStepper:
     """Return the stepper of a run whose longest step is known [s]."""
     if choice.control is not None and isinstance(choice.solver, SuperTimeStepping):
-        assert choice.stable_step is not None
-        # All passes, each with steps half as long, run in one program.
-        least = least_stages(choice.compiled.program)
-        fixed = RKL2Stepper(stage_count(longest, choice.stable_step, least))
-        return fixed.for_any_step(choice.stable_step, choice.compiled.receipt.dtype)
+        dtype = choice.compiled.receipt.dtype
+
+        def stepper_of(stage_part: StagePart) -> RKL2Stepper:
+            # All passes, each with steps half as long, run in one program.
+            return RKL2Stepper(stage_part.stages).for_any_step(
+                stage_part.stable_step, dtype
+            )
+
+        return in_parts(choice.compiled, longest, stepper_of)
     return choice.solver.stepper(
         choice.scene,
         compiled=choice.compiled,
@@ -299,6 +307,15 @@ def with_note(compiled: Compiled, note: str) -> Compiled:
     """Return a compiled scene with one more note in its receipt."""
     receipt = compiled.receipt
     return replace(compiled, receipt=replace(receipt, notes=(*receipt.notes, note)))
+
+
+def with_limiting_body(compiled: Compiled, scene: Scene) -> Compiled:
+    """Return a compiled scene with the body that limits its steps in the receipt."""
+    limit = float(compiled.stable_step)
+    if len(scene.bodies) == 1 or math.isinf(limit):
+        return compiled
+    body = body_labels(scene)[int(compiled.stable_rates.stiffest_body)]
+    return with_note(compiled, f"the stable step, {limit:.3g} s, is that of {body}")
 
 
 def initial_state(plan: Plan) -> RunState:

@@ -36,7 +36,7 @@ from ..scene import Scene, body_geometry, mechanism_names
 from .bodies import PreparedGroup, check_bodies, check_terms, prepare
 from .body_names import named_receipt, naming_bodies
 from .body_program import SurfaceCoefficients
-from .groups import body_groups
+from .groups import body_groups, speed_classes
 from .joint_lines import check_joints, joint_lines
 from .memory import Method, check_memory
 from .newton_iterations import with_iterations
@@ -53,7 +53,8 @@ from .program_builder import (
 )
 from .receipt import filled_warnings, receipt_of, sheet_lines
 from .snapshots import Snapshot, take_snapshots
-from .stable_step import stable_step_of
+from .stable_rates import largest_rates
+from .stable_step import stable_rates_of
 from .temperature_bounds import temperature_bounds
 from .time_values import with_time_values
 from .traced_scene import mark_untraceable, separate_numbers, trace_scene
@@ -98,7 +99,7 @@ def compile_scene(
     with searches_recorded() as searches:
         compiled = _bound(
             scene,
-            joins=joins,
+            classes=speed_classes(scene) if joins else tuple(range(len(scene.bodies))),
             starts=starts,
             end=float(end),
             duration=float(end if duration is None else duration),
@@ -143,7 +144,7 @@ def compile_scene(
 
 def _bound(
     scene: Scene,
-    joins: bool,
+    classes: tuple[int, ...],
     starts: tuple[float, ...],
     end: float,
     duration: float,
@@ -151,7 +152,7 @@ def _bound(
 ) -> Compiled:
     """Bind a scene, or compute what was traced for other numbers of the same form."""
     bind = partial(
-        _bind, joins=joins, starts=starts, end=end, duration=duration, prune=prune
+        _bind, classes=classes, starts=starts, end=end, duration=duration, prune=prune
     )
     # Many snapshots would be one large program.
     if len(starts) > 1 or _needs_numbers(scene) or is_traced(scene) or is_compiling():
@@ -164,9 +165,9 @@ def _bound(
         return bind(scene)
 
     def bind_numbers(scene: Scene) -> Compiled:
-        return _from_uniform_start(scene, bind(scene), joins)
+        return _from_uniform_start(scene, bind(scene), classes)
 
-    options = (joins, end, duration, prune)
+    options = (classes, end, duration, prune)
     try:
         traced = trace_scene(scene, numbers, bind=bind_numbers, by=options)
     except RuntimeError:
@@ -199,14 +200,18 @@ def _needs_numbers(scene: Scene) -> bool:
     return is_spread or has_numbers_within or is_rounded or chooses_laws
 
 
-def _from_uniform_start(scene: Scene, compiled: Compiled, joins: bool) -> Compiled:
+def _from_uniform_start(
+    scene: Scene, compiled: Compiled, classes: tuple[int, ...]
+) -> Compiled:
     """Return a scene whose numbers have no derivatives, with 0 for a uniform start."""
     dtype = jnp.dtype(scene.dtype)
     start = tuple(
         values
         if any(callable(body.temperature) for body in group.bodies)
         else np.zeros((), dtype)
-        for group, values in zip(body_groups(scene, joins), compiled.start, strict=True)
+        for group, values in zip(
+            body_groups(scene, classes), compiled.start, strict=True
+        )
     )
     return replace(compiled, start=start)
 
@@ -265,7 +270,7 @@ def _bound_programs(
 
 def _bind(
     scene: Scene,
-    joins: bool,
+    classes: tuple[int, ...],
     starts: tuple[float, ...],
     end: float,
     duration: float,
@@ -275,7 +280,7 @@ def _bind(
     dtype = jnp.dtype(scene.dtype)
     prepared = tuple(
         prepare(number, group, dtype)
-        for number, group in enumerate(body_groups(scene, joins))
+        for number, group in enumerate(body_groups(scene, classes))
     )
     check_bodies(scene, prepared)
     bind = partial(
@@ -302,12 +307,14 @@ def _bind(
     )
     temperatures, coefficients = on_device((temperatures, coefficients))
     # One step for all snapshots: the smallest.
-    steps = [stable_step_of(p, temperatures.highest, end) for p in programs]
+    stable_rates = largest_rates(
+        [stable_rates_of(program, temperatures.highest, end) for program in programs]
+    )
     return Compiled(
         programs=programs,
         starts=starts,
         acting=acting_terms(bound.ledger),
-        joins=joins,
+        classes=classes,
         start=tuple(body.state for body in prepared),
         state_shapes=tuple(body.structure.state_shape for body in prepared),
         geometries=tuple(
@@ -324,7 +331,8 @@ def _bind(
         absorptivity=coefficients[1],
         radiation=radiation,
         temperatures=temperatures,
-        stable_step=steps[0] if len(steps) == 1 else jnp.stack(steps).min(),
+        stable_rates=stable_rates,
+        stable_step=stable_rates.step(tuple(range(len(prepared)))),
         notes=tuple(_notes(snapshots, mechanism_names(scene))),
         receipt=receipt_of(
             scene,

@@ -14,7 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import Int
 
-from ...arrays import namespace
+from ...arrays import is_traced, namespace
 from ...network.group_order import GroupOrder, group_order
 from ...structures.joined import JoinedStructure
 from ...structures.kinds.full import FullVolume
@@ -30,6 +30,14 @@ _LEAST_BODIES = 4
 _MOST_VOXELS = 16384
 """Voxels above which a stencil of its own may pay: below, the steps of one network with
 others take no longer, and it compiles in half the time of four stencils."""
+
+_SLOW_NODES = 8192
+"""Nodes of slow bodies from which these are apart from fast ones: fewer would not pay
+for the compilation of another network."""
+
+_SLOWER = 16.0
+"""Ratio of diffusion rates, of the fastest body to one that counts as slow: a step of
+the slow one takes a quarter of the stages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,18 +107,27 @@ def fragment_order(
     return group_order(numbers, counts)
 
 
-def body_groups(scene: Scene, joins: bool = True) -> tuple[BodyGroup, ...]:
-    """Groups of the bodies of a scene, in its order; each by itself unless it joins."""
+def body_groups(
+    scene: Scene, classes: tuple[int, ...] | None = None
+) -> tuple[BodyGroup, ...]:
+    """Groups of the bodies of a scene, see `grouped_numbers`."""
     return tuple(
         _joined(scene, numbers) if len(numbers) > 1 else _single(scene, numbers[0])
-        for numbers in grouped_numbers(scene, joins)
+        for numbers in grouped_numbers(scene, classes)
     )
 
 
-def grouped_numbers(scene: Scene, joins: bool = True) -> list[list[int]]:
-    """Numbers of the bodies of each group, in the order of the scene."""
-    if not joins or len(scene.bodies) < _LEAST_BODIES:
+def grouped_numbers(
+    scene: Scene, classes: tuple[int, ...] | None = None
+) -> list[list[int]]:
+    """Numbers of the bodies of each group, in the order of the scene.
+
+    Bodies of a group have one class, by default that of `speed_classes`.
+    """
+    if len(scene.bodies) < _LEAST_BODIES:
         return [[number] for number in range(len(scene.bodies))]
+    if classes is None:
+        classes = speed_classes(scene)
     forms: dict[Hashable, list[int]] = {}
     outlines: dict[int, Hashable] = {}
     for number, body in enumerate(scene.bodies):
@@ -121,7 +138,7 @@ def grouped_numbers(scene: Scene, joins: bool = True) -> list[list[int]]:
             if id(surface_map) not in outlines:
                 leaves, outline = jax.tree.flatten(surface_map)
                 outlines[id(surface_map)] = number if leaves else outline
-            form = form, outlines[id(surface_map)]
+            form = form, outlines[id(surface_map)], classes[number]
         forms.setdefault(number if form is None else form, []).append(number)
     groups = []
     for numbers in forms.values():
@@ -130,6 +147,40 @@ def grouped_numbers(scene: Scene, joins: bool = True) -> list[list[int]]:
         else:
             groups += [[number] for number in numbers]
     return sorted(groups)
+
+
+def speed_classes(scene: Scene) -> tuple[int, ...]:
+    """Class of each body: 1 for slow ones if they have many nodes, else 0.
+
+    Apart from a fast body, slow ones take few stages in a step, see `part_stepper`.
+    """
+    rates = [_diffusion_rate(body) for body in scene.bodies]
+    slow = max(rates, default=0.0) / _SLOWER
+    is_slow = [0 < rate < slow for rate in rates]
+    nodes = sum(
+        body.structure.node_count
+        for body, is_one in zip(scene.bodies, is_slow, strict=True)
+        if is_one
+    )
+    return tuple(int(is_one and nodes >= _SLOW_NODES) for is_one in is_slow)
+
+
+def _diffusion_rate(body: Body) -> float:
+    """Diffusivity over the square of the pitch [1/s]; 0 where it is not known."""
+    form = _form(body)
+    if form is None or form[0] is Sheet or is_traced(body.material):
+        return 0.0
+    diffusivities = [
+        np.max(material.conductivity) / (material.density * material.specific_heat)
+        for material in _materials(body)
+    ]
+    return float(max(diffusivities)) / body.structure.grid.pitch**2
+
+
+def _materials(body: Body) -> tuple:
+    if isinstance(body.material, AbstractMaterials):
+        return body.material.materials
+    return (body.material,)
 
 
 def _single(scene: Scene, number: int) -> BodyGroup:
@@ -153,7 +204,7 @@ def as_links(structure: AbstractStructure) -> AbstractStructure:
     return structure.as_links if isinstance(structure, FullVolume) else structure
 
 
-def _form(body: Body) -> Hashable | None:
+def _form(body: Body) -> tuple[type, int] | None:
     """The same value for bodies that may be joined; None for a body by itself."""
     structure = body.structure
     if structure.device_count > 1 or not structure.identity:
@@ -169,10 +220,7 @@ def _form(body: Body) -> Hashable | None:
         structure.kernels is not None or structure.node_count > _MOST_VOXELS
     ):
         return None
-    materials: tuple = (body.material,)
-    if isinstance(body.material, AbstractMaterials):
-        materials = body.material.materials
-    if any(material.varies for material in materials):
+    if any(material.varies for material in _materials(body)):
         return None
     return AbstractVoxelStructure, layers
 

@@ -16,7 +16,7 @@ The time loop then evaluates no cells at all: in a network of nodes the load is 
 the loop that conducts. `SurfaceLoad`, cell by cell, is the general form.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -155,6 +155,16 @@ class _LinearSurfaceLoad(AbstractSurfaceLoad):
             # A sum over all nodes is part of the loop that conducts; a scatter is not.
             return new + dt * inverse(network.capacity()) * heat
         return self.general.cells[index].add(new, dt, heat)
+
+    @override
+    def of_groups(self, new_number: Mapping[int, int]) -> "_LinearSurfaceLoad | None":
+        general = self.general.of_groups(new_number)
+        if general is None:
+            return None
+        indices = self.general.indices_of(new_number)
+        return _LinearSurfaceLoad(
+            general, bodies=tuple(self.bodies[index] for index in indices)
+        )
 
 
 def _added_to(

@@ -30,6 +30,7 @@ from ..scene import BodyGeometry, Scene, SolvedSurface
 from .bodies import TemperatureBounds
 from .body_program import BodyProgram, SurfaceCoefficients
 from .probes import BodyProbes
+from .stable_rates import StableRates
 from .surface_load import AbstractSurfaceLoad
 
 
@@ -378,8 +379,8 @@ class Compiled:
     """Start of each program [s]; the first at 0."""
     acting: tuple[int, ...] = _static_field()
     """Numbers of the terms that act."""
-    joins: bool = _static_field()
-    """True if bodies of one form conduct as one network, see `body_groups`."""
+    classes: tuple[int, ...] = _static_field()
+    """Class of each body, see `grouped_numbers`."""
     start: tuple[Float[Array | np.ndarray, "..."], ...]
     """State at time 0; one number where it is uniform."""
     state_shapes: tuple[tuple[int, ...], ...] = _static_field()
@@ -392,6 +393,8 @@ class Compiled:
     """Radiation that reaches the surfaces, absorbed or not."""
     temperatures: TemperatureBounds
     """Bounds of temperatures up to the end."""
+    stable_rates: StableRates
+    """Rates that limit the explicit steps of each group."""
     stable_step: Float[Array, ""]
     """Largest explicit step that is stable [s]; infinite without a limit."""
     notes: tuple[tuple[str, Note], ...]

@@ -4,37 +4,37 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ...arrays import added, taken
-from ...network.columns import STABLE_FRACTION
-from ...network.network import AbstractNetwork, Address
+from ...network.network import Address, inverse
 from ...physics.convection.enclosed_air import AirExchange, AirLaw
 from ...physics.half_cells import Extremes
 from ...physics.time_varying import largest
+from .body_program import BodyProgram
 from .program import Program
+from .stable_rates import StableRates
 
 
 @eqx.filter_jit
-def stable_step_of(
+def stable_rates_of(
     program: Program, highest: Float[Array, ""], end: float
-) -> Float[Array, ""]:
-    """Largest stable explicit step, min C / (sum G + stiffness) [s]; or infinity.
+) -> StableRates:
+    """Largest rates of a program, max (sum G + stiffness) / C [1/s].
 
     `highest` is the temperature of any surface [K], `end` the end of the run [s].
     """
-    # Up to this step every node's weight in its own next temperature is positive, so
-    # that temperatures stay within their bounds; or, if that is longer, columns spread
-    # what loads on their thin cells add.
     rates = [
-        _rates(body.network, _stiffness(program, number, highest, end))
+        _rates(body, _stiffness(program, number, highest, end))
         for number, body in enumerate(program.bodies)
     ]
-    largest = jnp.stack([body.at_nodes for body in rates]).max()
-    if any(body.network.columns is not None for body in program.bodies):
-        with_columns = jnp.stack([body.with_columns for body in rates]).max()
-        largest = jnp.minimum(largest / STABLE_FRACTION, with_columns)
-    return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
+    at_nodes, with_columns, stiffest = map(jnp.stack, zip(*rates, strict=True))
+    return StableRates(
+        at_nodes=at_nodes,
+        with_columns=with_columns,
+        has_columns=tuple(body.network.columns is not None for body in program.bodies),
+        stiffest=stiffest,
+    )
 
 
 class _Load(NamedTuple):
@@ -49,15 +49,15 @@ class _Load(NamedTuple):
 
 
 class _Rates(NamedTuple):
-    """Largest explicit rates of a body [1/s]."""
+    """Largest explicit rates of a group, see `StableRates`."""
 
     at_nodes: Float[Array, ""]
-    """Largest sum of conductances outside columns over the capacity of a node."""
     with_columns: Float[Array, ""]
-    """The same with loads on the cells of columns spread by these."""
+    stiffest: Int[Array, ""]
 
 
-def _rates(network: AbstractNetwork, loads: list[_Load]) -> _Rates:
+def _rates(body: BodyProgram, loads: list[_Load]) -> _Rates:
+    network = body.network
     rates = [network.max_rate()]
     conductance = network.explicit_diagonal() * network.max_relative_conductivity()
     total = conductance
@@ -70,19 +70,26 @@ def _rates(network: AbstractNetwork, loads: list[_Load]) -> _Rates:
         capacity = network.capacity_at(load.address) * network.min_relative_capacity()
         rates.append((taken(total, load.address) / capacity).max())
     at_nodes = jnp.stack(rates).max()
+    stiffest = _stiffest(body, total)
     columns = network.columns
     if columns is None:
-        return _Rates(at_nodes=at_nodes, with_columns=at_nodes)
+        return _Rates(at_nodes, with_columns=at_nodes, stiffest=stiffest)
     capacity = network.capacity() * network.min_relative_capacity()
     on_cells = jnp.arange(total.shape[0]) < columns.conductance.size
     explicit = jnp.where(on_cells, conductance, total)
     rate = jnp.maximum(network.max_rate(), (explicit / capacity).max())
-    return _Rates(
-        at_nodes=at_nodes,
-        with_columns=columns.stable_rate(
-            rate, stiffness=bound / network.min_relative_capacity()
-        ),
+    with_columns = columns.stable_rate(
+        rate, stiffness=bound / network.min_relative_capacity()
     )
+    return _Rates(at_nodes, with_columns=with_columns, stiffest=stiffest)
+
+
+def _stiffest(body: BodyProgram, conductance: Float[Array, "..."]) -> Int[Array, ""]:
+    """Number of the body with the largest ratio of conductance to capacity."""
+    if body.members is None:
+        return jnp.asarray(body.numbers[0])
+    node = (conductance * inverse(body.network.capacity())).argmax()
+    return jnp.asarray(body.numbers)[body.members.of_node[node]]
 
 
 def _stiffness(program: Program, number: int, highest, end) -> list[_Load]:

@@ -5,7 +5,7 @@ depends on geometry and on where terms act, and is computed once for all runs.
 """
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -76,6 +76,13 @@ class AbstractSurfaceLoad(Module):
         heat: Array,
     ) -> OneBody:
         """A body's state with the heat rates of `heat` over `dt` [s]."""
+
+    @abc.abstractmethod
+    def of_groups(self, new_number: Mapping[int, int]) -> "AbstractSurfaceLoad | None":
+        """The load of some groups of a program, by their numbers in one of these alone.
+
+        None where nothing acts on them.
+        """
 
     def stiffness(
         self, body: int, highest: Float[Array, ""], end: float, relative: Extremes
@@ -178,6 +185,40 @@ class SurfaceLoad(AbstractSurfaceLoad):
     ) -> OneBody:
         cells = self.cells[index]
         return cells.add(new, dt, cells.sums(heat))
+
+    @override
+    def of_groups(self, new_number: Mapping[int, int]) -> "SurfaceLoad | None":
+        indices = self.indices_of(new_number)
+        if not indices:
+            return None
+        cells = [self.cells[index] for index in indices]
+        references = tuple(self.references[index] for index in indices)
+        counts = [self.counts[index] for index in indices]
+        of_cells = list(consecutive(self.counts))
+        of_bodies = list(consecutive(len(group.numbers) for group in self.cells))
+        bodies = np.r_[tuple(of_bodies[index] for index in indices)]
+        acting = {
+            number
+            for number, _ in enumerate(self.entries)
+            if any(self.acts(number, index) for index in indices)
+        }
+        terms = self.terms.selected(
+            np.r_[tuple(of_cells[index] for index in indices)],
+            acting,
+            reference=spread(references, counts, self.terms.half_cell.dtype),
+            bodies=bodies,
+        )
+        return SurfaceLoad(
+            terms=terms,
+            cells=tuple(replace(group, body=new_number[group.body]) for group in cells),
+            references=references,
+            entries=tuple(tuple(row[n] for n in bodies) for row in self.entries),
+            entry_count=self.entry_count,
+        )
+
+    def indices_of(self, groups: Collection[int]) -> list[int]:
+        """Indices of those of some groups that have cells."""
+        return [index for index, cells in enumerate(self.cells) if cells.body in groups]
 
     def terms_on(self, index: int) -> SurfaceTerms:
         """The terms on the cells of one body."""

@@ -31,8 +31,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ...arrays import added, namespace, taken, typed_array
 from ...constants import STEFAN_BOLTZMANN
@@ -41,6 +39,7 @@ from ...physics.time_varying import Dose, dose
 from ..scene import Scene
 from .bodies import PreparedGroup, TemperatureBounds, one_or_all
 from .body_program import BodyProgram
+from .independent_parts import exchanging_bodies
 from .program import Program
 
 
@@ -110,20 +109,7 @@ def _imposes_heat(program: Program) -> bool:
 
 def _groups(programs: Sequence[Program]) -> Bool[np.ndarray, "b b"]:
     """Flag the bodies with which each body exchanges heat, directly or by others."""
-    count = programs[0].body_count
-    if any(program.fine_enclosure is not None for program in programs):
-        return np.ones((count, count), bool)
-    joined = np.eye(count, dtype=bool)
-    for program in programs:
-        for _, bodies in program.entries:
-            if len(bodies) == 2:
-                first, second = bodies
-                joined[first, second] = joined[second, first] = True
-        for air in program.airs:
-            for wall in air.walls:
-                _, (body,) = program.entries[wall]
-                joined[air.body, body] = True
-    _, group = connected_components(coo_array(joined), directed=False)
+    group = exchanging_bodies(programs)
     return group[:, None] == group
 
 

@@ -237,6 +237,44 @@ def test_alike_bodies_of_thousands_of_voxels_are_one_network():
     assert groups.grouped_numbers(alike(0.26)) == [[0], [1], [2], [3]]
 
 
+def mixed_speeds():
+    """Four pieces of aluminium, four of wood and one of steel, of 12 voxels each."""
+    aluminium = jt.Material(200.0, density=2700.0, specific_heat=900.0)
+    wood = jt.Material(0.15, density=600.0, specific_heat=1600.0)
+    grid = jt.voxelize(jt.shapes.box((0.03, 0.02, 0.02)), pitch=0.01)
+    materials = [aluminium, wood, STEEL, aluminium, wood, aluminium, wood]
+    return tuple(
+        jt.Body(
+            jt.FullVolume(grid),
+            material,
+            temperature=300.0 + number,
+            pose=jt.Pose((0.1 * number, 0.0, 0.0)),
+        )
+        for number, material in enumerate((*materials, aluminium, wood))
+    )
+
+
+def test_many_nodes_of_slow_bodies_are_a_group_apart(monkeypatch):
+    scene = jt.Scene(mixed_speeds(), TERMS)
+    monkeypatch.setattr(groups, "_SLOW_NODES", 5 * 12 + 1)
+    assert groups.grouped_numbers(scene) == [list(range(9))]
+    monkeypatch.setattr(groups, "_SLOW_NODES", 5 * 12)
+    assert groups.speed_classes(scene) == (0, 1, 1, 0, 1, 0, 1, 0, 1)
+    assert groups.grouped_numbers(scene) == [[0, 3, 5, 7], [1, 2, 4, 6, 8]]
+    apart_from_all = tuple(range(9))
+    assert groups.grouped_numbers(scene, apart_from_all) == [[n] for n in range(9)]
+
+
+@SHALLOW
+def test_groups_of_two_speeds_are_as_one_group(monkeypatch):
+    scene = jt.Scene(mixed_speeds(), TERMS, dtype="float64")
+    solver = jt.ForwardEuler(dt=0.1)
+    one_group = jt.simulate(scene, 1.0, solver=solver)
+    monkeypatch.setattr(groups, "_SLOW_NODES", 1)
+    two_groups = jt.simulate(scene, 1.0, solver=solver)
+    assert_equal_runs(two_groups, one_group, rel=1e-12)
+
+
 def contact_scene(count=6, dtype="float64", **options):
     bodies = []
     for n in range(count):

@@ -80,7 +80,7 @@ def moving(turn):
 
 def snapshots_of(scene, starts=STARTS):
     dtype = jnp.dtype(scene.dtype)
-    groups = body_groups(scene, True)
+    groups = body_groups(scene)
     return take_snapshots(
         scene,
         prepared=tuple(prepare(n, group, dtype) for n, group in enumerate(groups)),

@@ -14,6 +14,7 @@ import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.scene.compile.compile import _bind
+from jaxthermo.scene.compile.groups import speed_classes
 from jaxthermo.scene.compile.traced_scene import separate_numbers, trace_scene
 from jaxthermo.scene.scene import MaterialLabels, MaterialMap
 
@@ -89,7 +90,12 @@ def test_contact():
 
 def _check(scene: jt.Scene) -> None:
     bind = partial(
-        _bind, joins=True, starts=(0.0,), end=20.0, duration=20.0, prune=True
+        _bind,
+        classes=speed_classes(scene),
+        starts=(0.0,),
+        end=20.0,
+        duration=20.0,
+        prune=True,
     )
     bound = bind(scene)
     numbers = separate_numbers(scene)
