@@ -211,7 +211,7 @@ def _node_temperatures(
 ) -> tuple[Float[Array, " _"], ...]:
     """Temperature of every node of each body [K], in the order of the scene."""
     by_number = {}
-    groups = body_groups(scene, compiled.joins)
+    groups = body_groups(scene, compiled.classes)
     for group, body, state in zip(groups, compiled.program.bodies, states, strict=True):
         theta = body.network.temperature(state)[group.structure.node_address()]
         kelvin = theta + body.node_reference
