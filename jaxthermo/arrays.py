@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import Primitive
 from jax.interpreters import mlir
-from jaxtyping import Array, Float, Int, Shaped
+from jaxtyping import Array, Bool, Float, Int, Shaped
 from numpy.typing import ArrayLike
 
 
@@ -341,6 +341,17 @@ def sorted_union(
     begins = np.ones(len(values), bool)
     np.not_equal(values[1:], values[:-1], out=begins[1:])
     return values[begins]
+
+
+def in_sorted(
+    values: Int[np.ndarray, "*n"], ordered: Int[np.ndarray, " k"]
+) -> Bool[np.ndarray, "*n"]:
+    """Flag values that occur in sorted numbers, as by `np.isin`."""
+    # numpy would hash them first, which is slower than to look each up.
+    if not len(ordered):
+        return np.zeros(values.shape, bool)
+    place = np.searchsorted(ordered, values)
+    return ordered[np.minimum(place, len(ordered) - 1)] == values
 
 
 def unique_rows(

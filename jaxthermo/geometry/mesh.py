@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import linear_map, numbered, static_numbers
+from ..arrays import in_sorted, linear_map, numbered, static_numbers
 from ..errors import InputError, require, shortened
 from ..shown import html_of
 from .rotation import Turn, Way, relative_key, shortest_way, way_by_angle
@@ -275,7 +275,7 @@ class Edges:
         """Flag pairs of vertices that an edge joins."""
         width = int(max(self.high.max(initial=0), ends.max(initial=0))) + 1
         key = self.low * width + self.high
-        return np.isin(ends.min(axis=1) * width + ends.max(axis=1), key)
+        return in_sorted(ends.min(axis=1) * width + ends.max(axis=1), key)
 
 
 def edges_of(faces: Int[np.ndarray, "f 3"]) -> Edges:

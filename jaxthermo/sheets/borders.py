@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array, csr_array
 
-from ..arrays import rank_in_group
+from ..arrays import in_sorted, rank_in_group
 from ..geometry.mesh import edges_of
 from ..geometry.refine import cut_faces
 from ..geometry.vectors import row_dot
@@ -62,7 +62,7 @@ def encroached_feet(
     joined = np.abs(entries.data) > 1e-12
     key = np.sort(row[joined].astype(np.int64) * count + column[joined])
     # Where sheets meet, the Laplacian has the edge of one if it has lost another's.
-    is_lost = ~np.isin(ends[:, 0] * count + ends[:, 1], key)
+    is_lost = ~in_sorted(ends[:, 0] * count + ends[:, 1], key)
     ends = ends[is_lost | branches]
     # All neighbours of both ends.
     corner = ends.ravel()

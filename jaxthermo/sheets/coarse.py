@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import unique_rows
+from ..arrays import in_sorted, sorted_union, unique_rows
 from ..geometry.mesh import edges_of
 from ..geometry.vectors import row_dot, row_length, triangle_normals
 from .borders import obtuse_feet
@@ -273,8 +273,8 @@ def _chain_weights(
     normal = surface.normal[mixed]
     corners = node[faces]
     joined = np.sort(coarse.node[coarse.triangles[coarse.part == part]], axis=1)
-    known = np.concatenate(
-        [joined[:, i] * count + joined[:, j] for i, j in ((0, 1), (0, 2), (1, 2))]
+    known = sorted_union(
+        *(joined[:, i] * count + joined[:, j] for i, j in ((0, 1), (0, 2), (1, 2)))
     )
     sources = []
     targets = []
@@ -293,7 +293,7 @@ def _chain_weights(
     line = np.concatenate(lines)
     line = np.where((source < target)[:, None], line, -line)
     key = np.minimum(source, target) * count + np.maximum(source, target)
-    alone = ~np.isin(key, known)
+    alone = ~in_sorted(key, known)
     key, entry = np.unique(key[alone], return_inverse=True)
     line = line[alone]
     across = summed_rows(entry, line, len(key))

@@ -9,7 +9,7 @@ joined: a tube becomes a chain of rings, as wide as its circumference.
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ..arrays import ranks
+from ..arrays import in_sorted, rank_in_group, ranks
 from .node_complex import NodeComplex
 from .surface import Surface
 
@@ -75,23 +75,25 @@ def _first_rings(nodes: NodeComplex, pitch: float) -> list[set[int]]:
         {number} for number in np.flatnonzero(nodes.closed).tolist()
     ]
     pairs = nodes.pairs[nodes.pairs[:, 0] < nodes.pairs[:, 1]]
-    pairs = pairs[nodes.ratio(pairs) < _BENT].tolist()
-    after: dict[int, set[int]] = {}
-    for low, high in pairs:
-        after.setdefault(low, set()).add(high)
-    triples = [
-        (low, middle, high)
-        for low, middle in pairs
-        for high in after[low] & after.get(middle, set())
-    ]
+    pairs = pairs[nodes.ratio(pairs) < _BENT]
     loops = []
     ratios = []
-    for rows, size in ((pairs, 2), (triples, 3)):
-        candidates = np.array(rows, np.int64).reshape(-1, size)
+    for candidates in (pairs, _triples(pairs, nodes.count)):
         is_ring = nodes.are_rings(candidates, largest=_NARROW * pitch)
         loops += [set(loop) for loop in candidates[is_ring].tolist()]
         ratios += nodes.ratio(candidates[is_ring]).tolist()
     return rings + [loops[entry] for entry in np.argsort(ratios, kind="stable")]
+
+
+def _triples(pairs: Int[np.ndarray, "p 2"], count: int) -> Int[np.ndarray, "t 3"]:
+    """Three nodes in rising order, of which each two are one of the sorted pairs."""
+    low, middle = pairs.T
+    first = np.searchsorted(low, middle)
+    after = np.searchsorted(low, middle, side="right") - first
+    entry = np.repeat(np.arange(len(pairs)), after)
+    high = middle[first[entry] + rank_in_group(entry)]
+    is_pair = in_sorted(low[entry] * count + high, low * count + middle)
+    return np.column_stack([pairs[entry], high])[is_pair]
 
 
 def _join_caps(

@@ -7,6 +7,7 @@ import pytest
 
 from jaxthermo.arrays import (
     device_array,
+    in_sorted,
     is_compiling,
     linear_map,
     numbered,
@@ -57,6 +58,16 @@ def test_union_of_numbers_is_that_of_numpy():
     many = random.integers(-9, 90, 70)
     np.testing.assert_array_equal(sorted_union(few, many), np.union1d(few, many))
     assert len(sorted_union(few[:0])) == 0
+
+
+def test_numbers_among_sorted_ones_are_flagged():
+    rng = np.random.default_rng(7)
+    values = rng.integers(-5, 60, (40, 3))
+    for size in (0, 1, 25):
+        ordered = np.sort(rng.integers(0, 50, size))
+        np.testing.assert_array_equal(
+            in_sorted(values, ordered), np.isin(values, ordered)
+        )
 
 
 @pytest.mark.parametrize("bound", [5, 2**62])

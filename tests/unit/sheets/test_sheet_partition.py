@@ -1,10 +1,13 @@
 """Vertices of a sheet go to the nearest node that a neighbour belongs to."""
 
+from itertools import combinations
+
 import numpy as np
 
 from jaxthermo.geometry.mesh import edges_of
 from jaxthermo.geometry.vectors import triangle_normals
 from jaxthermo.sheets.partition import _SWEEPS, _TINY, _nearest, _without_small
+from jaxthermo.sheets.rings import _triples
 from jaxthermo.sheets.split import _Chain, _zipped, split_long_edges
 from jaxthermo.sheets.surface import Surface
 from tests.sheets import grid_plate, rotation, turned, uneven_strip
@@ -134,3 +137,18 @@ def test_cut_borders_have_short_edges_and_no_gaps():
         border = np.linalg.norm(along[edges.uses[edges.edge] == 1], axis=1)
         assert border.max() <= (1 + 1e-9) * longest
         assert np.isclose(border.sum(), 3.0, rtol=1e-12)
+
+
+def test_triples_are_those_of_three_pairs():
+    count = 12
+    every = np.array(list(combinations(range(count), 2)))
+    pairs = every[np.random.default_rng(3).random(len(every)) < 0.5]
+    known = set(map(tuple, pairs.tolist()))
+    expected = [
+        triple
+        for triple in combinations(range(count), 3)
+        if set(combinations(triple, 2)) <= known
+    ]
+    assert len(expected) > 10
+    assert _triples(pairs, count).tolist() == [list(triple) for triple in expected]
+    assert _triples(pairs[:0], count).shape == (0, 3)
