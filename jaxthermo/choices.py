@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     ChannelEnds = Literal["open", "periodic"]
     ReductionMethod = Literal["krylov", "pod"]
     Quantity = Literal["apparent", "surface"]
+    Dtype = Literal["float32", "float64"]
+    SurfaceOutput = Literal["heat_flux", "heat_transfer_coefficient"]
+    CylinderAverage = Literal["churchill_bernstein", "sanitjai_goldstein", "profile"]
+    OutdoorTerm = Literal["sun", "diffuse", "sky", "wind", "convection"]
+    Palette = Literal[
+        "iron", "ember", "white-hot", "black-hot", "rainbow", "arctic", "lava"
+    ]
 else:
     UpAxis = Inside = FaceName = Hollow = ShellCapacity = str
     Inlet = ChannelWalls = ChannelEnds = ReductionMethod = Quantity = str
+    Dtype = SurfaceOutput = CylinderAverage = OutdoorTerm = Palette = str
     Kernels = str | None

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import box
 from jaxthermo.voxels.grid import LayerCounts, VoxelGrid
@@ -112,7 +113,7 @@ def single_body_scene(
     material: Any,
     temperature: Any,
     *terms: Any,
-    dtype: str = "float64",
+    dtype: Dtype = "float64",
     **options: Any,
 ) -> jt.Scene:
     """A scene of one body with terms; the body is as by `body_at`."""

@@ -15,6 +15,7 @@ from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import surface_target
 from calibrate.solvers.cameras import build_aligned
 from calibrate.solvers.fit import Fitting
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run.abstract_solution import StoredSolution
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from tests.bodies import blocks
@@ -83,7 +84,7 @@ def errors_of(default, fitted, group="train") -> Any:
     return {group: case_errors}
 
 
-def scene(side, dtype="float64", weights=None):
+def scene(side, dtype: Dtype = "float64", weights=None):
     """A block of fine voxels over a core, heated from one side."""
     used_weights = jt.ConductionWeights() if weights is None else weights
     solid = np.ones((7, 6, 5), bool)
@@ -174,7 +175,7 @@ def data(side, dtype, truth):
 
 def twin(
     parameters=(WITHIN, BETWEEN),
-    dtype="float64",
+    dtype: Dtype = "float64",
     truth=TRUTH,
     solver=STABLE_STEPS,
 ):

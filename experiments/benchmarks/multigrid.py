@@ -22,6 +22,7 @@ import scipy.sparse as sparse
 from typing_extensions import override
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.console.terminal import open_console
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.integrate.implicit.conjugate_gradient import (
@@ -102,7 +103,7 @@ class _Comparison(TypedDict):
 
 class _Result(MeasuredResult):
     height: int
-    dtype: str
+    dtype: Dtype
     steps: dict[str, _Comparison]
     solid_voxels: int
     lattice: list[int]

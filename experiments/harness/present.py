@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from PIL import Image
 
+from jaxthermo.choices import Palette
 from jaxthermo.console.terminal import open_console
 from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.report import page
@@ -93,7 +94,7 @@ def thermal_sheet(
     *,
     scale: str,
     title: str,
-    palette: str = "iron",
+    palette: Palette = "iron",
     columns: int | None = None,
 ) -> Image.Image:
     """Pictures in false colours under one title, with their scale below them.

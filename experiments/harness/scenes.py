@@ -1,6 +1,7 @@
 """Bodies in their full volume, and scenes of one, for cases with a known answer."""
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 
 
 def full(grid: jt.VoxelGrid, material, temperature, x: float = 0.0) -> jt.Body:
@@ -10,7 +11,7 @@ def full(grid: jt.VoxelGrid, material, temperature, x: float = 0.0) -> jt.Body:
 
 
 def single(
-    grid: jt.VoxelGrid, material, temperature, *terms, dtype: str = "float64"
+    grid: jt.VoxelGrid, material, temperature, *terms, dtype: Dtype = "float64"
 ) -> jt.Scene:
     """A scene of one such body, with terms."""
     # Some cases start at 0 K, or have surroundings of 0 K.

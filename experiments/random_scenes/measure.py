@@ -8,6 +8,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.simulate import run_plan
 from jaxthermo.integrate.run.solution import result_name
@@ -34,7 +35,7 @@ class SceneRow(TypedDict):
     """A scene with its runs: that of the default solver, and that of another one."""
 
     form: str
-    dtype: str
+    dtype: Dtype
     runs: list[RunRow]
     stated_error: float
     """Error in time that the run by default states [K]."""

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 
 from ..harness.scenes import single
 
@@ -47,7 +48,7 @@ def two_halves(points: np.ndarray) -> np.ndarray:
     return np.where(points[:, 0] < 0, HOT, COLD)
 
 
-def insulated(name: str, pair, dtype: str, temperature=two_halves) -> jt.Scene:
+def insulated(name: str, pair, dtype: Dtype, temperature=two_halves) -> jt.Scene:
     """A body of two materials in a pattern that exchanges heat with nothing."""
     index = np.indices(CELLS)
     # A uniform body has two materials as well: all run as one program.

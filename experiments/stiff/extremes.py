@@ -9,6 +9,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.choices import Dtype
 from jaxthermo.geometry.mesh import joined
 from jaxthermo.network.network import precise_sum
 from jaxthermo.physics.conduction import series
@@ -42,7 +43,7 @@ from .solved import (
 _FLUX = 31.15
 
 
-def _heated(metal: jt.Material, pitch: float, dtype: str) -> jt.Scene:
+def _heated(metal: jt.Material, pitch: float, dtype: Dtype) -> jt.Scene:
     """One voxel of an edge [m], heated from one side."""
     side = jt.HeatFlux(_FLUX, on=jt.Side((1.0, 0.0, 0.0)))
     grid = block(1, 1, 1, pitch=pitch)
@@ -78,7 +79,7 @@ def _slow_changes() -> Iterator[Row]:
     yield _stored_as_kelvin()
 
 
-def _rises(name: str, dtype: str, methods: list[Method]) -> Iterator[Row]:
+def _rises(name: str, dtype: Dtype, methods: list[Method]) -> Iterator[Row]:
     """Temperature rise of a cubic metre after all steps."""
     metal, stated_rate = _METALS[name]
     exact = _FLUX * _STEPS / float(metal.volumetric_heat_capacity)

@@ -9,6 +9,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.choices import Dtype
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 
@@ -46,7 +47,7 @@ _LIMITS = Limits(
 )
 
 
-def cube(start, dtype: str = "float64") -> jt.Scene:
+def cube(start, dtype: Dtype = "float64") -> jt.Scene:
     """A metal cube in an enclosure."""
     grid = block(2, 2, 2, pitch=_EDGE)
     return single(grid, _METAL, start, jt.Surroundings(_AROUND), dtype=dtype)
@@ -158,7 +159,7 @@ def _close_temperatures() -> Iterator[Row]:
         yield _close("float32", method)
 
 
-def _close(dtype: str, method: Method) -> Row:
+def _close(dtype: Dtype, method: Method) -> Row:
     """The flux between close temperatures, of a step too short to change them."""
     # The surface lies half a voxel of metal away from its node.
     k = float(np.asarray(_METAL.conductivity))

@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 from PIL import Image as Pictures
 from PIL.Image import Image as Picture
 
-from ..choices import Quantity
+from ..choices import Palette, Quantity
 from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
@@ -45,7 +45,7 @@ class _Colours(TypedDict):
     low: float
     high: float
     samples: int
-    palette: str
+    palette: Palette
     quantity: Quantity
 
 

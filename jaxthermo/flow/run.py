@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..arrays import precision
-from ..choices import Kernels
+from ..choices import Dtype, Kernels
 from ..errors import InputError, whole_number
 from ..host_memory import require_memory
 from ..native.call import check_kernels, require_native
@@ -79,7 +79,7 @@ def simulate_flow(
     steps: int,
     *,
     average_from: float = 0.5,
-    dtype: str = "float32",
+    dtype: Dtype = "float32",
     start: Callable[..., FlowState] = initial_state,
     progress: Callable[[FlowProgress], None] | None = None,
     kernels: Kernels = None,

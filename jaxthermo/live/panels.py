@@ -3,6 +3,7 @@
 import html
 from typing import NamedTuple
 
+from ..choices import Palette
 from ..image.colour.palette import palette_table
 from ..image.colour.ticks import scale_ticks, time_label, to_celsius
 from ..progress import duration
@@ -12,7 +13,7 @@ from ..progress import duration
 _STOPS = 33
 
 
-def temperature_bar(low: float, high: float, palette: str, title: str) -> str:
+def temperature_bar(low: float, high: float, palette: Palette, title: str) -> str:
     """A horizontal bar of a palette between two temperatures [K], with its scale."""
     table = palette_table(palette)
     rows = [table[round(k * 255 / (_STOPS - 1))] for k in range(_STOPS)]

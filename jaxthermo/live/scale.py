@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..choices import Palette
+
 
 # Smallest range of colours [K], and the margin beyond what is seen, of the range [-].
 _MIN_RANGE = 1.0
@@ -17,7 +19,7 @@ class Scale(NamedTuple):
     """[K]"""
     high: float
     """[K]"""
-    palette: str
+    palette: Palette
 
     def holding(self, kelvin: Any) -> "Scale":
         """The scale, or one that grew so far that it holds all temperatures [K].
@@ -34,7 +36,7 @@ class Scale(NamedTuple):
         return Scale(low, high, self.palette)
 
 
-def scale_of(kelvin: Any, palette: str) -> Scale:
+def scale_of(kelvin: Any, palette: Palette) -> Scale:
     """The scale of temperatures [K], with a margin; NaN counts as nothing."""
     low = float(np.nanmin(kelvin))
     high = float(np.nanmax(kelvin))

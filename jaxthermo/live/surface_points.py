@@ -12,6 +12,7 @@ from jaxtyping import Float, Int, UInt8
 from scipy.sparse import csr_array
 
 from ..arrays import consecutive
+from ..choices import Palette
 from ..geometry.mesh import Mesh
 from ..geometry.sample import mesh_sample
 from ..geometry.vectors import row_dot, unit_vector
@@ -102,7 +103,7 @@ def _one_per_cell(
 
 
 def colours(
-    kelvin: Float[np.ndarray, " p"], low: float, high: float, palette: str
+    kelvin: Float[np.ndarray, " p"], low: float, high: float, palette: Palette
 ) -> UInt8[np.ndarray, "p 3"]:
     """Colours of temperatures on a scale [K], as sRGB."""
     return apply_palette(kelvin[None], low=low, high=high, name=palette)[0]

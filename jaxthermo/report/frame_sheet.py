@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 from PIL import Image as Pictures
 from PIL.Image import Image as Picture
 
-from ..choices import Quantity
+from ..choices import Palette, Quantity
 from ..errors import InputError
 from ..image.colour.frame_values import QUANTITIES
 from ..image.colour.picture import beyond_scale, coloured
@@ -38,7 +38,7 @@ def frame_sheet(
     images: Iterable[Image],
     low: float,
     high: float,
-    palette: str = "iron",
+    palette: Palette = "iron",
     quantity: Quantity = "apparent",
     title: str = "",
 ) -> Picture:
@@ -96,7 +96,7 @@ def tile_sheet(
     beyond: tuple[bool, bool],
     low: float,
     high: float,
-    palette: str,
+    palette: Palette,
     quantity: str,
     title: str = "",
     start: datetime | None = None,

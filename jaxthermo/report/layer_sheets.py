@@ -8,6 +8,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from ..arrays import Scalar
+from ..choices import Palette
 from ..image.colour.annotate import write_png
 from ..image.colour.palette import apply_palette
 from ..image.colour.ticks import scale_ticks
@@ -113,7 +114,7 @@ def _contact_tiles(
     values: Float[np.ndarray, " s"],
     low: Scalar,
     high: Scalar,
-    palette: str = "iron",
+    palette: Palette = "iron",
 ) -> list[Tile]:
     """Contact textures of a body, a tile for each layer with any contact.
 
@@ -152,7 +153,7 @@ def _contact_images(
     values: Float[np.ndarray, " s"],
     low: Scalar,
     high: Scalar,
-    palette: str,
+    palette: Palette,
 ) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]:
     """Packed layers in false colours, front layer first, by axes with any contact.
 
@@ -175,7 +176,7 @@ def contact_texture_sheet(
     limits: tuple[float, float],
     quantity: str,
     title: str,
-    palette: str = "iron",
+    palette: Palette = "iron",
 ) -> Image.Image:
     """Contact textures of several bodies on one scale.
 

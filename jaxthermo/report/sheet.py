@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw, ImageFont
 
+from ..choices import Palette
 from ..image.colour.annotate import contact_sheet
 from ..image.colour.canvas import FAINT, FRAME, INK, PAPER, drawable
 from ..image.colour.palette import palette_table
@@ -53,7 +54,7 @@ def colour_bar(
     low: float,
     high: float,
     title: str,
-    palette: str = "iron",
+    palette: Palette = "iron",
     beyond: tuple[bool, bool] = (False, False),
 ) -> ColourBar:
     """The scale of a palette with round numbers between its ends."""

@@ -13,7 +13,7 @@ from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
 from ..arrays import PositionVarying, is_compiling, is_traced, precision
-from ..choices import Inside
+from ..choices import Dtype, Inside, SurfaceOutput
 from ..errors import InputError, require
 from ..geometry.mesh import Pose
 from ..material.material import Material, Property
@@ -33,6 +33,7 @@ from ..voxels.selection import AbstractSelection, Region
 from .coating import Coating
 from .motion import Motion
 from .named import Probe, as_probes, check_names
+from .surface_outputs import as_surface_outputs
 
 
 class AbstractMaterials(Module):
@@ -237,10 +238,6 @@ class Body(Module):
             )
 
 
-SURFACE_OUTPUTS = ("heat_flux", "heat_transfer_coefficient")
-"""Outputs that a solution can have for every fragment, besides its temperature."""
-
-
 class Scene(Module):
     """Bodies and the mechanisms that act on them.
 
@@ -259,7 +256,7 @@ class Scene(Module):
 
     bodies: tuple[Body, ...]
     terms: tuple[AbstractTerm, ...] = ()
-    dtype: str = eqx.field(static=True, default="float32")
+    dtype: Dtype = eqx.field(static=True, default="float32")
     """Type of the state: "float32", or "float64" for twice the memory and digits."""
     allow_extreme_temperatures: bool = eqx.field(static=True, default=False)
     """Accept temperatures below 150 K, mostly mistaken Celsius, and above 6000 K."""
@@ -268,8 +265,8 @@ class Scene(Module):
     )
     """Thermocouples on or in the bodies, which move with them: points in the world at
     the start [m], as a list or by name; `probe` reads them."""
-    surface_outputs: tuple[str, ...] = eqx.field(
-        static=True, default=(), converter=tuple, kw_only=True
+    surface_outputs: tuple[SurfaceOutput, ...] = eqx.field(
+        static=True, default=(), converter=as_surface_outputs, kw_only=True
     )
     """Outputs to save for every fragment besides its temperature: `SURFACE_OUTPUTS`."""
 
@@ -286,12 +283,6 @@ class Scene(Module):
                     classes=(AbstractSelection, type(None)),
                     argument=f"terms[{i}]({name}=)",
                     give="a selection, such as Side((0.0, 0.0, 1.0)) or Everything()",
-                )
-        for name in self.surface_outputs:
-            if name not in SURFACE_OUTPUTS:
-                raise InputError(
-                    f"Scene(surface_outputs=): {name!r} is none; name some of "
-                    f"{', '.join(SURFACE_OUTPUTS)}"
                 )
         if not self.bodies:
             raise InputError("Scene(bodies=()): give at least one body")

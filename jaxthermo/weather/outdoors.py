@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import reduce
 from pathlib import Path
-from typing import Any, Literal, final, get_args
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
 
+from ..choices import OutdoorTerm
 from ..errors import InputError
 from ..geometry.vectors import unit_vector
 from ..physics.convection.linear_wind import LinearWind
@@ -49,8 +50,8 @@ from .sun_position import Place, instant, rays, sun_position
 from .weather import Weather
 
 
-_OutdoorTerm = Literal["sun", "diffuse", "sky", "wind", "convection"]
-ALL_TERMS = ("sun", "diffuse", "sky", "wind")
+_TERMS: tuple[OutdoorTerm, ...] = ("sun", "diffuse", "sky", "wind", "convection")
+ALL_TERMS: tuple[OutdoorTerm, ...] = ("sun", "diffuse", "sky", "wind")
 
 # Columns that the temperature of the sky follows from, with that of the air.
 _SKY_COLUMNS: dict[SkyModel, tuple[str, ...]] = {
@@ -72,7 +73,7 @@ def outdoors(
     duration: float,
     weather: ClearSky | Weather | str | Path,
     *,
-    terms: Sequence[str] = ALL_TERMS,
+    terms: Sequence[OutdoorTerm] = ALL_TERMS,
     sky: SkyModel | None = None,
     ground: GroundModel | float = "air",
     albedo: float = 0.2,
@@ -153,7 +154,7 @@ def outdoors(
 
 
 def _check(terms: Any, duration: float, albedo: float, interval: float) -> None:
-    names = get_args(_OutdoorTerm)
+    names = _TERMS
     for name in terms:
         if name not in names:
             raise InputError(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from tests.bodies import blocks
 
 
@@ -21,7 +22,7 @@ ORDERS = {
 
 
 @functools.cache
-def _scene(dtype="float64"):
+def _scene(dtype: Dtype = "float64"):
     structure = jt.FullVolume(blocks(np.ones((5, 4, 3), bool), 0.01))
     body = jt.Body(structure, STONE, temperature=300.0)
     sun = jt.Sun((1.0, 0.0, -0.5), jt.Until(1500.0, OFF))

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.reference.semi_infinite import contact_surfaces, perfect_contact
 from tests.bodies import bar, body_at
 from tests.slopes import check_gradient
@@ -21,7 +22,7 @@ STEPS = jt.ForwardEuler(dt=1e-3)
 _bar = functools.cache(bar)
 
 
-def _scene(contact, pitch=1e-3, cells=(165, 35), dtype="float64"):
+def _scene(contact, pitch=1e-3, cells=(165, 35), dtype: Dtype = "float64"):
     """A hot copper bar and a cold steel one, end to end at x = 0."""
     bodies = tuple(
         body_at(

@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.flux_law import bound
 from jaxthermo.physics.radiation.emission import _Emission
@@ -30,7 +31,7 @@ def voxel():
     return jt.FullVolume(bar(1, 0.1))
 
 
-def _scene(voxel, start, surroundings, dtype="float64", material=ALUMINIUM):
+def _scene(voxel, start, surroundings, dtype: Dtype = "float64", material=ALUMINIUM):
     return single_body_scene(
         voxel,
         material,

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.integrate.heat_rates import evaluate_rates
 from jaxthermo.scene.compile.compile import compile_scene
@@ -188,7 +189,7 @@ PLATE = jt.voxelize(jt.shapes.box((0.02, 0.06, 0.06)), 0.02)
 EXCHANGE = jt.RadiativeExchange(300.0, max_patches=6, directions=16)
 
 
-def _facing(term, material=METAL, dtype="float64"):
+def _facing(term, material=METAL, dtype: Dtype = "float64"):
     bodies = (
         body(kelvin=300.0, material=material, grid=PLATE),
         body(x=0.06, kelvin=300.0, grid=PLATE),

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.reference.view_factor import parallel_rectangles
 from tests.bodies import body_at, single_body_scene
 
@@ -17,7 +18,7 @@ PLATE = jt.FullVolume(GRID)
 GAP = 0.03
 
 
-def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
+def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype: Dtype = "float64"):
     bodies = tuple(
         body_at(PLATE, METAL, start, at=(height, 0.0, 0.0))
         for start, height in ((hot, 0.0), (cold, 0.02 + gap))

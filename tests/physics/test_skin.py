@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import solve_banded
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.config.loader import load_config
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.mesh import Mesh
@@ -140,7 +141,7 @@ def test_half_space_that_is_turned_against_the_lattice():
     assert abs(solution.energy.residual_relative).max() < 1e-11
 
 
-def roof_scene(dtype="float64", material: Any = CONCRETE, kind=jt.Skin):
+def roof_scene(dtype: Dtype = "float64", material: Any = CONCRETE, kind=jt.Skin):
     on = HOT_END
     skin = kind(jt.FullVolume(bar(6, 0.5)), cells=6, on=on)
     return single_body_scene(

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.reference.slab import slab_convection
 from tests.bodies import blocks, single_body_scene
 
@@ -41,7 +42,7 @@ def grid():
     return blocks(solid, PITCH)
 
 
-def _absorbed(structure, dtype="float64"):
+def _absorbed(structure, dtype: Dtype = "float64"):
     """Heat from a sun that also casts shadows, alone and together with the air."""
     scene = single_body_scene(
         structure,

@@ -18,6 +18,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.heat_rates import pair_conductance, pair_nodes
 from jaxthermo.material.material import Property
 from jaxthermo.scene.compile.compile import compile_scene
@@ -74,7 +75,9 @@ def _grid(cells):
     return blocks(np.ones((cells, 1, 1), bool), PITCH)
 
 
-def _scene(materials, h_c, terms=ENDS, cells=1, starts=(350.0, 330.0), dtype="float64"):
+def _scene(
+    materials, h_c, terms=ENDS, cells=1, starts=(350.0, 330.0), dtype: Dtype = "float64"
+):
     """Two bars of some cells, end to end."""
     bodies = tuple(
         body_at(_grid(cells), material, start, at=(x, 0.0, 0.0))
@@ -126,7 +129,7 @@ def test_contacts_conduct_along_their_axis_of_an_orthotropic_body():
     _check_steady((RISING, FALLING), 1500.0, [_axes(RISING), _material(FALLING)])
 
 
-def _compiled(values, h_c, dtype="float64"):
+def _compiled(values, h_c, dtype: Dtype = "float64"):
     scene = _scene([_material(k) for k in values], h_c, terms=(), dtype=dtype)
     return compile_scene(scene, 1, 1.0, save_times=(1.0,))
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from tests.bodies import blocks
 from tests.shallow import SHALLOW
 
@@ -56,7 +57,7 @@ def test_no_step_overshoots_and_none_loses_heat(pattern, dtype):
         assert drift <= DRIFT[dtype]
 
 
-def _cube(start, dtype="float64"):
+def _cube(start, dtype: Dtype = "float64"):
     grid = blocks(np.ones((2, 2, 2), bool), 0.01)
     metal = jt.Material(200.0, density=2700.0, specific_heat=900.0, emissivity=1.0)
     body = jt.Body(jt.FullVolume(grid), metal, temperature=start)

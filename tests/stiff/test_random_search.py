@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.implicit import adaptive
 from jaxthermo.integrate.implicit.jacobian import LINEAR_TOLERANCE
 from jaxthermo.integrate.run.made_solution import make_solution
@@ -48,7 +49,7 @@ class Drawn(NamedTuple):
     """One case."""
 
     solver: str
-    dtype: str
+    dtype: Dtype
     end: int
     """Log10 of the end [s], of a run of 3 steps.
 

@@ -12,6 +12,7 @@ from PIL import Image
 from scipy.stats import rankdata
 
 import jaxthermo as jt
+from jaxthermo.choices import CylinderAverage, Dtype
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
@@ -123,7 +124,7 @@ class _InWind:
         widest = max(float(c.diameter) for c in cylinder_parts(self.grid).cylinders)
         return _SPEED * widest / float(kinematic_viscosity(jnp.asarray(_AIR)))
 
-    def scene(self, term: Any, dtype: str = "float32") -> jt.Scene:
+    def scene(self, term: Any, dtype: Dtype = "float32") -> jt.Scene:
         """Scene with one term."""
         body = jt.Body(jt.FullVolume(self.grid), _CERAMIC, temperature=_HOT)
         return jt.Scene((body,), (term,), dtype=dtype)
@@ -155,7 +156,7 @@ def cylinder_in_wind(across: int) -> _InWind:
     return _InWind("cylinder", jt.voxelize(mesh, _DIAMETER / across))
 
 
-def _wind(average: str = AVERAGES[0].name) -> jt.Wind:
+def _wind(average: CylinderAverage = AVERAGES[0].name) -> jt.Wind:
     return jt.Wind((_SPEED, 0.0, 0.0), _AIR, average=average)
 
 

@@ -14,6 +14,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 from typing_extensions import override
 
+from ...choices import Palette
 from ...errors import InputError
 from ...image.colour.palette import palette_names
 from ...image.measurements import names_of
@@ -243,7 +244,7 @@ class ImageConfig(Model):
     """The colours of the frames, and which saved times become frames."""
 
     palette: Annotated[
-        str,
+        Palette,
         AfterValidator(_known_palette),
         Field(json_schema_extra={"enum": [*palette_names()]}),
     ] = "iron"

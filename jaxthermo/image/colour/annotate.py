@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from ...arrays import Scalar
 from ...atomic import replacing
+from ...choices import Palette
 from ...constants import ZERO_CELSIUS
 from ...errors import InputError
 from ..detector.gain import Gain
@@ -79,7 +80,7 @@ def _draw_bar(
     canvas: Image.Image,
     box: tuple[int, int, int, int],
     limits: tuple[float, float],
-    palette: str,
+    palette: Palette,
     labels: list[_Label],
     layout: Layout,
 ) -> None:
@@ -108,7 +109,7 @@ def _draw_bar(
 def _draw_tips(
     canvas: Image.Image,
     box: tuple[int, int, int, int],
-    palette: str,
+    palette: Palette,
     beyond: tuple[bool, bool],
     layout: Layout,
 ) -> None:
@@ -133,7 +134,7 @@ def annotate(
     *,
     low: Scalar,
     high: Scalar,
-    palette: str,
+    palette: Palette,
     time: Scalar,
     title: str = "",
     quantity: str = "",

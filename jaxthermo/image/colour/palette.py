@@ -12,6 +12,7 @@ from typing import Any, SupportsFloat
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from ...choices import Palette
 from ...errors import InputError
 
 
@@ -23,7 +24,7 @@ BACKGROUND = (14, 54, 49)
 
 
 @functools.cache
-def _tables() -> dict[str, np.ndarray]:
+def _tables() -> dict[Palette, np.ndarray]:
     rows = json.loads(Path(__file__).with_name("palettes.json").read_text())
     return {
         name: np.frombuffer(bytes.fromhex("".join(row)), np.uint8).reshape(ENTRIES, 3)
@@ -31,12 +32,12 @@ def _tables() -> dict[str, np.ndarray]:
     }
 
 
-def palette_names() -> tuple[str, ...]:
+def palette_names() -> tuple[Palette, ...]:
     """Names of the palettes."""
     return tuple(_tables())
 
 
-def palette_table(name: str) -> UInt8[np.ndarray, "256 3"]:
+def palette_table(name: Palette) -> UInt8[np.ndarray, "256 3"]:
     """Colours of a palette as sRGB, from cold to hot.
 
     Raises:
@@ -66,7 +67,7 @@ def apply_palette(
     values: Float[Any, "h w"],
     low: SupportsFloat,
     high: SupportsFloat,
-    name: str,
+    name: Palette,
     *,
     invalid: tuple[int, int, int] = (128, 128, 128),
 ) -> UInt8[np.ndarray, "h w 3"]:

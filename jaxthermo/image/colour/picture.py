@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL.Image import Image as Picture
 
-from ...choices import Quantity
+from ...choices import Palette, Quantity
 from ..detector.gain import Gain
 from ..radiance.image import Image
 from .annotate import annotate, write_png as write_picture
@@ -21,7 +21,7 @@ def coloured(
     image: Image,
     low: float,
     high: float,
-    palette: str = "iron",
+    palette: Palette = "iron",
     quantity: Quantity = "apparent",
     samples: int = 1,
     gain: Gain | None = None,
@@ -53,7 +53,7 @@ def _colours(
     kelvin: Float[np.ndarray, "H W"],
     on_body: Bool[np.ndarray, "H W"],
     ends: tuple[float, float],
-    palette: str,
+    palette: Palette,
     samples: int,
     gain: Gain | None,
 ) -> UInt8[np.ndarray, "h w 3"]:
@@ -81,7 +81,7 @@ def picture(
     image: Image,
     low: float,
     high: float,
-    palette: str = "iron",
+    palette: Palette = "iron",
     quantity: Quantity = "apparent",
     title: str = "",
     samples: int = 1,

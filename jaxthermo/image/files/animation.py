@@ -15,6 +15,7 @@ from PIL import Image as Pictures
 from PIL.Image import Image as Picture
 
 from ...atomic import replacing
+from ...choices import Palette
 from ...errors import InputError, shortened
 from ...extras import require_extra
 from ..colour.canvas import FAINT, FRAME, INK, PAPER
@@ -65,7 +66,7 @@ def write_animation(
     path: str | Path,
     pictures: Iterable[Picture | UInt8[np.ndarray, "h w 3"]],
     rate: float | None = None,
-    palette: str | None = None,
+    palette: Palette | None = None,
 ) -> int:
     """Write pictures as an animation, of the kind that the end of the name says.
 
@@ -157,7 +158,7 @@ def _write_apng(path: Path, pictures: Iterator[Picture], rate: float) -> None:
 
 
 def _write_gif(
-    path: Path, pictures: Iterator[Picture], rate: float, palette: str | None
+    path: Path, pictures: Iterator[Picture], rate: float, palette: Palette | None
 ) -> None:
     first = next(pictures)
     colours = _gif_colours(first, palette)
@@ -171,7 +172,7 @@ def _write_gif(
     reduced(first).save(path, format="GIF", **how)
 
 
-def _gif_colours(first: Picture, palette: str | None) -> Picture:
+def _gif_colours(first: Picture, palette: Palette | None) -> Picture:
     # One table for all pictures: the same temperature has one colour throughout, also
     # where the first one does not show it.
     if palette is None:

@@ -9,13 +9,15 @@ from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
 from ...arrays import consecutive
+from ...choices import Palette
 from ...errors import InputError
 from ...geometry.mesh import joined
 from ...geometry.refine import refine_edges
 from ...geometry.vectors import unit_vectors
 from ...integrate.run.abstract_solution import AbstractSolution
 from ...memo.found import found
-from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
+from ...scene.scene import BodyGeometry, SolvedSurface
+from ...scene.surface_outputs import SURFACE_OUTPUTS
 from ..colour.palette import apply_palette
 from ..surface.facets import corner_normals
 from ..surface.shapes import ShapePoints, Shapes
@@ -238,7 +240,7 @@ def write_glb(
     *,
     low: float | None = None,
     high: float | None = None,
-    palette: str = "iron",
+    palette: Palette = "iron",
     names: Sequence[str] = (),
 ) -> None:
     """Write the bodies at a saved time as a GLB file, for Blender and viewers.

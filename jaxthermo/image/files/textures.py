@@ -17,6 +17,7 @@ from PIL import Image
 from scipy.sparse import csr_array
 
 from ...atomic import write_text
+from ...choices import Palette
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...geometry.vectors import unit_vectors
@@ -230,7 +231,7 @@ def write_textures(
     folder: Path,
     body: BodyTextures,
     frames: Sequence[tuple[str, Float[np.ndarray, " s"]]],
-    palette: str,
+    palette: Palette,
 ) -> _BodyFiles:
     """Write the OBJ of a body, and the images of each of its frames.
 
@@ -291,7 +292,7 @@ def _write_glb(
     atlas: _Atlas,
     body: BodyTextures,
     image: Float[np.ndarray, "h w"],
-    palette: str,
+    palette: Palette,
 ) -> None:
     colours = apply_palette(image, low=body.low, high=body.high, name=palette)
     png = io.BytesIO()

@@ -41,7 +41,8 @@ from ...physics.time_varying import just_before
 from ...physics.windows import Window, over
 from ...scene.named import Probe
 from ...scene.receipt_model import Receipt
-from ...scene.scene import SURFACE_OUTPUTS, SolvedSurface, per_fragment
+from ...scene.scene import SolvedSurface, per_fragment
+from ...scene.surface_outputs import SURFACE_OUTPUTS
 from ...shown import html_of
 from ..energy import Energy, HeatRates
 from .plain_values import plain_value

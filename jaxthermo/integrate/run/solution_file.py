@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...physics.radiation.irradiation import Irradiance
 from ...scene.named import Probe
 from ...scene.receipt_model import Receipt
-from ...scene.scene import SURFACE_OUTPUTS
+from ...scene.surface_outputs import SURFACE_OUTPUTS
 from .abstract_solution import SOLUTION_FILE, StoredSolution
 from .plain_values import built_value
 from .run_summary import RunSummary

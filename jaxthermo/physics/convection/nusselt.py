@@ -29,6 +29,7 @@ import scipy
 from equinox import Module
 from jaxtyping import Array, Bool, Float
 
+from ...choices import CylinderAverage
 from ...errors import InputError
 
 
@@ -167,7 +168,7 @@ def profile(
 class NamedAverage(NamedTuple):
     """Correlation with the range of Reynolds numbers in which it was measured."""
 
-    name: str
+    name: CylinderAverage
     nusselt: Average
     min_reynolds: float
     max_reynolds: float

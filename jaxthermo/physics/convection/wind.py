@@ -29,6 +29,7 @@ from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced, namespace
+from ...choices import CylinderAverage
 from ...errors import InputError
 from ...geometry.vectors import unit_vector
 from ...memo.found import found
@@ -135,7 +136,7 @@ class Wind(AbstractSurfaceTerm):
     """T_inf of the air [K], a number or a function of time."""
     speed: TimeVarying | None = None
     """V [m/s], instead of the length of `velocity`; a number or a function of time."""
-    average: str = eqx.field(static=True, default="churchill_bernstein")
+    average: CylinderAverage = eqx.field(static=True, default="churchill_bernstein")
     """Correlation of the mean Nusselt number of cylinders: the name of one of
     `AVERAGES`."""
     cylinders: tuple[Cylinder, ...] = eqx.field(

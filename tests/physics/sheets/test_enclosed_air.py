@@ -11,6 +11,7 @@ import scipy.linalg
 import jaxthermo as jt
 from calibrate.problem.parameters import find_path, value_at
 from jaxthermo.arrays import precision
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import (
@@ -41,7 +42,7 @@ def scene_of(
     exchange=2.0 / HOUR,
     outside=270.0,
     volume=0.3,
-    dtype="float64",
+    dtype: Dtype = "float64",
 ):
     wall = jt.Body(SHEET, temperature=WALL)
     air = jt.Body(jt.AirVolume(volume), temperature=AIR)
@@ -255,7 +256,7 @@ def test_derivatives_through_walls_whose_conductivity_varies():
 CUBE = jt.FullVolume(jt.voxelize(jt.shapes.box((0.2, 0.2, 0.2)), 0.1))
 
 
-def cabin(inner=5.0, motion=None, dtype="float64"):
+def cabin(inner=5.0, motion=None, dtype: Dtype = "float64"):
     """A block with a heat source, on another one, in a box with air, in the sun."""
     pose = motion or jt.Pose()
     sheet = jt.Sheet(BOX, (jt.Layer(STEEL, 1e-3),), 0.1)

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.sheet_bodies import FRONT
 
@@ -21,7 +22,7 @@ class LinkedSheet(jt.Sheet):
         return None
 
 
-def ground(kind=jt.Sheet, cells=16, dtype="float64"):
+def ground(kind=jt.Sheet, cells=16, dtype: Dtype = "float64"):
     mesh = jt.shapes.rectangle(4.0, 2.0)
     layers = (jt.Layer(SURFACE, 0.05), jt.Layer(SOIL, 0.6))
     sheet = kind(mesh, layers, pitch=0.5, cells=cells)

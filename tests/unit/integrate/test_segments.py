@@ -11,6 +11,7 @@ from bodies import bar
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.integrate.run.segments import (
@@ -33,7 +34,7 @@ TERMS = (
 )
 
 
-def scene(dtype="float32", cells=9):
+def scene(dtype: Dtype = "float32", cells=9):
     body = jt.Body(
         jt.FullVolume(bar(cells, 0.01)),
         METAL,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run.plan import plan_run
 from tests.bodies import bar, blocks
 
@@ -22,7 +23,7 @@ def structure():
     return jt.FullVolume(blocks(np.ones((2, 2, 2), bool), 0.01))
 
 
-def _scene(structure, *terms, dtype="float64", temperature: Any = 300.0):
+def _scene(structure, *terms, dtype: Dtype = "float64", temperature: Any = 300.0):
     body = jt.Body(structure, METAL, temperature=temperature)
     return jt.Scene((body,), terms, dtype=dtype)
 

@@ -13,7 +13,7 @@ from jaxthermo.archive import write_archive
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.solution_arrays import FORMAT_VERSION
 from jaxthermo.integrate.run.solution_file import load_solution
-from jaxthermo.scene.scene import SURFACE_OUTPUTS
+from jaxthermo.scene.surface_outputs import SURFACE_OUTPUTS
 
 
 COPPER = jt.Material(

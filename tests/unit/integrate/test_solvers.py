@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.explicit import rkl2_coefficients, stage_count
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.solution import RESULTS
@@ -14,7 +15,7 @@ from tests.bodies import blocks
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
 
 
-def _scene(*terms, dtype="float64"):
+def _scene(*terms, dtype: Dtype = "float64"):
     structure = jt.FullVolume(blocks(np.ones((3, 3, 3), bool), 0.01))
     return jt.Scene((jt.Body(structure, METAL, temperature=300.0),), terms, dtype=dtype)
 

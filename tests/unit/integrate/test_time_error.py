@@ -11,6 +11,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import (
@@ -41,7 +42,7 @@ def _plate():
     return jt.Scene((body,), terms, dtype="float64")
 
 
-def _heated(heat_flux=2e4, dtype="float64"):
+def _heated(heat_flux=2e4, dtype: Dtype = "float64"):
     """A bar with a heat flux that is switched off within the run."""
     body = jt.Body(jt.FullVolume(bar(9, 0.01)), METAL, temperature=300.0)
     until = jt.Until(heat_flux, 180.0)

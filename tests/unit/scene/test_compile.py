@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run import simulate as simulate_module
 from jaxthermo.integrate.run.plan import initial_state, plan_run
 from jaxthermo.integrate.run.simulate import run_plan
@@ -35,7 +36,10 @@ def structure():
 
 
 def _scene(
-    structure, *terms, material: jt.Material | jt.MaterialMap = METAL, dtype="float32"
+    structure,
+    *terms,
+    material: jt.Material | jt.MaterialMap = METAL,
+    dtype: Dtype = "float32",
 ):
     body = jt.Body(structure, material, temperature=300.0)
     return jt.Scene((body,), terms, dtype=dtype)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import begin_run, run_segments
@@ -275,7 +276,7 @@ def test_groups_of_two_speeds_are_as_one_group(monkeypatch):
     assert_equal_runs(two_groups, one_group, rel=1e-12)
 
 
-def contact_scene(count=6, dtype="float64", **options):
+def contact_scene(count=6, dtype: Dtype = "float64", **options):
     bodies = []
     for n in range(count):
         grid = jt.voxelize(jt.shapes.box((0.03, 0.03, 0.02)), pitch=0.01)

@@ -1,11 +1,13 @@
 """Frames: ticks and labels that tell the truth, sizes that fit."""
 
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw, ImageFont
 
+from jaxthermo.choices import Palette
 from jaxthermo.errors import InputError
 from jaxthermo.image.colour.annotate import annotate, contact_sheet, write_png
 from jaxthermo.image.colour.canvas import drawable
@@ -19,7 +21,7 @@ from jaxthermo.image.colour.ticks import (
 )
 
 
-def frame(height, width, low=290.0, high=350.0, palette="iron", **options):
+def frame(height, width, low=290.0, high=350.0, palette: Palette = "iron", **options):
     ramp = np.broadcast_to(np.linspace(low, high, width), (height, width))
     colours = apply_palette(ramp, low=low, high=high, name=palette)
     options = {"time": 90.0, **options}
@@ -181,8 +183,9 @@ def test_every_palette():
 
 def test_bad_input():
     pixels = np.zeros((8, 8, 3), np.uint8)
+    unknown: Any = "jet"
     with pytest.raises(InputError, match="is not known"):
-        annotate(pixels, low=1.0, high=2.0, palette="jet", time=0.0)
+        annotate(pixels, low=1.0, high=2.0, palette=unknown, time=0.0)
     with pytest.raises(InputError, match="low <= high"):
         annotate(pixels, low=3.0, high=2.0, palette="iron", time=0.0)
     with pytest.raises(InputError, match="at least one"):

@@ -10,6 +10,7 @@ from frames import frame
 from PIL import Image as Pictures
 
 import jaxthermo as jt
+from jaxthermo.choices import Palette
 from jaxthermo.errors import InputError
 from jaxthermo.image.files import animation
 from jaxthermo.image.files.animation import default_rate, write_animation
@@ -18,7 +19,7 @@ from jaxthermo.image.files.animation import default_rate, write_animation
 RAMP = np.broadcast_to(np.linspace(290.0, 330.0, 97), (71, 97))
 
 
-def pictures(palette="iron"):
+def pictures(palette: Palette = "iron"):
     """Three pictures of odd width: a ramp that gets warmer."""
     images = [frame(RAMP + shift, time=shift) for shift in (-12.0, 0.0, 9.0)]
     drawn = [jt.picture(image, 280.0, 340.0, palette=palette) for image in images]

@@ -1,5 +1,7 @@
 """VTU and GLB of a solution in Python: several bodies, poses in time, all outputs."""
 
+from typing import Any
+
 import meshio
 import numpy as np
 import pytest
@@ -75,8 +77,9 @@ def test_a_scale_of_what_is_seen_or_given(moving):
     assert temperature_scale(moving, [0], low=400.0) == (400.0, 400.1)
     with pytest.raises(jt.InputError, match="lower one first"):
         temperature_scale(moving, [0], low=300.0, high=300.0)
+    unknown: Any = "irn"
     with pytest.raises(jt.InputError, match="palette"):
-        jt.write_glb("never.glb", moving, palette="irn")
+        jt.write_glb("never.glb", moving, palette=unknown)
 
 
 def test_a_folder_that_is_not_there(moving, tmp_path):
