@@ -15,6 +15,8 @@ import numpy as np
 from jaxtyping import Int
 
 from ...arrays import is_traced, namespace
+from ...memo.found import found
+from ...memo.once import once
 from ...network.group_order import GroupOrder, group_order
 from ...structures.joined import JoinedStructure
 from ...structures.kinds.full import FullVolume
@@ -128,18 +130,26 @@ def grouped_numbers(
         return [[number] for number in range(len(scene.bodies))]
     if classes is None:
         classes = speed_classes(scene)
+    return found(
+        (scene,),
+        by=("grouped numbers", classes),
+        find=lambda: _grouped_numbers(scene, classes),
+    )
+
+
+def _grouped_numbers(scene: Scene, classes: tuple[int, ...]) -> list[list[int]]:
     forms: dict[Hashable, list[int]] = {}
-    outlines: dict[int, Hashable] = {}
+    # Equal bodies share their structure, and most bodies one map.
+    structure_form = once(_structure_form)
+    flattened = once(jax.tree.flatten)
     for number, body in enumerate(scene.bodies):
-        form = _form(body)
-        if form is not None:
-            # Most bodies share one map.
-            surface_map = body.surface_map
-            if id(surface_map) not in outlines:
-                leaves, outline = jax.tree.flatten(surface_map)
-                outlines[id(surface_map)] = number if leaves else outline
-            form = form, outlines[id(surface_map)], classes[number]
-        forms.setdefault(number if form is None else form, []).append(number)
+        form = structure_form(body.structure)
+        if form is None or _is_varying(body):
+            forms[number] = [number]
+            continue
+        leaves, outline = flattened(body.surface_map)
+        map_form = id(body.surface_map) if leaves else outline
+        forms.setdefault((form, map_form, classes[number]), []).append(number)
     groups = []
     for numbers in forms.values():
         if len(numbers) >= _LEAST_BODIES:
@@ -154,7 +164,17 @@ def speed_classes(scene: Scene) -> tuple[int, ...]:
 
     Apart from a fast body, slow ones take few stages in a step, see `part_stepper`.
     """
-    rates = [_diffusion_rate(body) for body in scene.bodies]
+    return found((scene,), by="speed classes", find=lambda: _speed_classes(scene))
+
+
+def _speed_classes(scene: Scene) -> tuple[int, ...]:
+    structure_form = once(_structure_form)
+    rates = [
+        0.0
+        if structure_form(body.structure) is None or _is_varying(body)
+        else _diffusion_rate(body)
+        for body in scene.bodies
+    ]
     slow = max(rates, default=0.0) / _SLOWER
     is_slow = [0 < rate < slow for rate in rates]
     nodes = sum(
@@ -167,8 +187,7 @@ def speed_classes(scene: Scene) -> tuple[int, ...]:
 
 def _diffusion_rate(body: Body) -> float:
     """Diffusivity over the square of the pitch [1/s]; 0 where it is not known."""
-    form = _form(body)
-    if form is None or form[0] is Sheet or is_traced(body.material):
+    if isinstance(body.structure, Sheet) or is_traced(body.material):
         return 0.0
     diffusivities = [
         np.max(material.conductivity) / (material.density * material.specific_heat)
@@ -204,9 +223,8 @@ def as_links(structure: AbstractStructure) -> AbstractStructure:
     return structure.as_links if isinstance(structure, FullVolume) else structure
 
 
-def _form(body: Body) -> tuple[type, int] | None:
-    """The same value for bodies that may be joined; None for a body by itself."""
-    structure = body.structure
+def _structure_form(structure: AbstractStructure) -> Hashable | None:
+    """The same value for structures that may be joined; None for one by itself."""
     if structure.device_count > 1 or not structure.identity:
         return None
     columns = structure.columns()
@@ -220,9 +238,15 @@ def _form(body: Body) -> tuple[type, int] | None:
         structure.kernels is not None or structure.node_count > _MOST_VOXELS
     ):
         return None
-    if any(material.varies for material in _materials(body)):
-        return None
     return AbstractVoxelStructure, layers
+
+
+def _is_varying(body: Body) -> bool:
+    """True if a material of a solid body varies with temperature."""
+    # The layers of a sheet have its materials.
+    if body.material is None:
+        return False
+    return any(material.varies for material in _materials(body))
 
 
 def _has_no_effect(weights: ConductionWeights) -> bool:

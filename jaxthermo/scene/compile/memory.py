@@ -9,12 +9,12 @@ structures, which exist before, and the compiler are not counted.
 """
 
 from dataclasses import replace
-from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from ...host_memory import require_memory
+from ...memo.once import once
 from ...parallel.devices import require_device_memory
 from ...sheets.sheet_grid import SheetGrid
 from ...structures.kinds.full import FullVolume
@@ -149,11 +149,12 @@ def forecast_memory(
     ]
     bodies = []
     known: set[int] = set()
+    # Equal bodies share their structure.
+    body_forecast = once(_body_forecast)
     for number, (body, structure) in enumerate(
         zip(scene.bodies, structures, strict=True)
     ):
-        forecast = partial(
-            _body_forecast,
+        forecast = body_forecast(
             structure,
             is_mixed=isinstance(body.material, AbstractMaterials),
             varies=has_varying_links(body),
@@ -165,8 +166,7 @@ def forecast_memory(
             moves=isinstance(body.pose, Motion),
             method=method,
         )
-        by = "memory", *forecast.keywords.values()
-        bodies.append(structure.found(by, forecast))
+        bodies.append(forecast)
         known.add(id(structure.grid))
     stencils = any(len(structure.state_shape) == 3 for structure in structures)
     allocator = _RUNTIME_STENCIL if stencils else 0

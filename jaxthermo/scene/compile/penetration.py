@@ -30,6 +30,8 @@ from scipy.special import erfcx
 
 from ...arrays import Time, consecutive, device_array, is_compiling, is_traced
 from ...errors import InputError
+from ...material.material import Material
+from ...memo.once import once
 from ...network.network import inverse
 from ...physics.time_varying import just_before
 from ...structures.kinds.sheet import Sheet
@@ -120,16 +122,23 @@ def penetration_warnings(
     counts = [len(body.structure.grid.fragment_area) for body in scene.bodies]
     slices = consecutive(counts)
     half_cell = _half_cells(program)
-    references = np.empty(len(scene.bodies))
+    # Equal bodies share their structure, their material, or both.
+    thickness_of = once(_outer_thickness)
+    heat_capacities_of = once(_heat_capacities)
+    cells = {}
     for group in program.bodies:
-        references[list(group.numbers)] = np.asarray(group.reference).mean()
-    cells = [
-        _outer_cells(body, half_cell[fragments], float(reference))
-        for body, fragments, reference in zip(
-            scene.bodies, slices, references, strict=True
-        )
-    ]
-    shallow = np.concatenate([body_cells.time > fastest for body_cells in cells])
+        reference = float(np.asarray(group.reference).mean())
+        for number in group.numbers:
+            body = scene.bodies[number]
+            cells[number] = _outer_cells(
+                body,
+                thickness=thickness_of(body.structure),
+                heat_capacities=heat_capacities_of(body.material, reference),
+                half_cell=half_cell[slices[number]],
+            )
+    shallow = np.concatenate(
+        [cells[number].time > fastest for number in range(len(slices))]
+    )
     if shallow.any():
         shallow &= _largest_drive(compiled, float(saves[-1])) > _MIN_ERROR
     if not shallow.any():
@@ -170,37 +179,49 @@ def _half_cells(program: Program) -> Float[np.ndarray, " s"]:
     return half_cell
 
 
+def _outer_thickness(structure: AbstractStructure) -> Float[np.ndarray, " s"]:
+    """Thickness of the outermost cell below each fragment [m]."""
+    area = structure.grid.fragment_area
+    if not len(area):
+        return area
+    if isinstance(structure, Sheet):
+        return structure.face_cell_thickness(float)
+    return 2 * structure.fragment_distance()
+
+
+def _heat_capacities(
+    material: Material | AbstractMaterials | None, temperature: float
+) -> Float[np.ndarray, " m"]:
+    """Heat capacity of each material of a solid body [J/(m^3 K)]."""
+    # Only a sheet has no material of its own.
+    if material is None:
+        return np.zeros(0)
+    several = isinstance(material, AbstractMaterials)
+    materials = material.materials if several else (material,)
+    constant = [body_material.at(temperature) for body_material in materials]
+    return np.array([float(entry.volumetric_heat_capacity) for entry in constant])
+
+
 def _outer_cells(
-    body: Body, half_cell: Float[np.ndarray, " s"], reference: float
+    body: Body,
+    thickness: Float[np.ndarray, " s"],
+    heat_capacities: Float[np.ndarray, " m"],
+    half_cell: Float[np.ndarray, " s"],
 ) -> _OuterCells:
     structure = body.structure
     area = structure.grid.fragment_area
     if not len(area):
         return _OuterCells(thickness=area, time=area)
     if isinstance(structure, Sheet):
-        thickness = structure.face_cell_thickness(float)
         capacity = structure.face_capacity(float)
+    elif isinstance(body.material, AbstractMaterials):
+        number = body.material.of_fragments(structure.voxels)
+        capacity = thickness * heat_capacities[number]
     else:
-        thickness = 2 * structure.fragment_distance()
-        capacity = thickness * _heat_capacity(body, reference)
+        capacity = thickness * heat_capacities
     time = np.zeros(len(area))
     np.divide(2 * capacity * area, half_cell, out=time, where=half_cell > 0)
     return _OuterCells(thickness=thickness, time=time)
-
-
-def _heat_capacity(body: Body, temperature: float) -> Float[np.ndarray, "*s"]:
-    """Heat capacity of the material below each fragment [J/(m^3 K)]."""
-    material = body.material
-    # Only a sheet has no material of its own.
-    assert material is not None
-    several = isinstance(material, AbstractMaterials)
-    values = [
-        float(body_material.at(temperature).volumetric_heat_capacity)
-        for body_material in (material.materials if several else (material,))
-    ]
-    if not several:
-        return np.asarray(values[0])
-    return np.array(values)[material.of_fragments(body.structure.voxels)]
 
 
 def _largest_drive(compiled: Compiled, end: float) -> Float[np.ndarray, " s"]:

@@ -21,6 +21,8 @@ from jaxtyping import Array, Float
 from ...arrays import HOST, rows_of, rows_remembered
 from ...errors import shortened
 from ...memo.found import digest, found
+from ...memo.once import once
+from ...structures.structure import AbstractStructure
 from ..scene import Scene
 from .program import Compiled
 
@@ -50,13 +52,14 @@ def separate_numbers(scene: Scene) -> _SceneNumbers:
     identity: list[object] = []
     is_comparable = True
     form: list[Hashable] = [_outline(scene, without="bodies")]
-    # Without the structures, which their outline would keep alive.
+    # Without the structures, which their outline would keep alive. Equal bodies share
+    # their structure.
+    structure_form = once(_structure_form)
     for body in scene.bodies:
-        structure = body.structure
-        objects = structure.identity
+        objects = body.structure.identity
         is_comparable = is_comparable and len(objects) > 0
         identity += objects
-        form += [structure.options, jax.tree.structure(structure.weights)]
+        form.append(structure_form(body.structure))
         form.append(_outline(body, without="structure"))
     positions = []
     numbers = []
@@ -66,7 +69,7 @@ def separate_numbers(scene: Scene) -> _SceneNumbers:
             form.append((type(leaf), leaf))
         elif not np.issubdtype(array.dtype, np.inexact):
             form.append(digest(array))
-        elif array.size and array.flat[0] in (0, 1) and np.ptp(array) == 0:
+        elif _is_constant(array):
             form.append((array.shape, float(array.flat[0])))
         else:
             positions.append(position)
@@ -82,6 +85,18 @@ def separate_numbers(scene: Scene) -> _SceneNumbers:
         positions=tuple(positions),
         values=numbers,
     )
+
+
+def _structure_form(structure: AbstractStructure) -> Hashable:
+    """A structure apart from its numbers and its geometry."""
+    return structure.options, jax.tree.structure(structure.weights)
+
+
+def _is_constant(array: np.ndarray) -> bool:
+    """True for numbers that are 0 or 1 throughout."""
+    if array.size == 0 or array.flat[0] not in (0, 1):
+        return False
+    return array.size == 1 or bool(np.ptp(array) == 0)
 
 
 def _outline(module: Any, without: str) -> Hashable:

@@ -1,6 +1,7 @@
 """The forecast of memory against the arrays of compiled runs, and what it refuses."""
 
 import tracemalloc
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -14,6 +15,7 @@ from jaxthermo.integrate.solvers import AbstractSolver
 from jaxthermo.integrate.stepper import jit_in_place
 from jaxthermo.memo import found as findings
 from jaxthermo.scene.compile import compile as compile_module
+from jaxthermo.scene.compile.groups import grouped_numbers
 from jaxthermo.scene.compile.memory import forecast_memory
 
 
@@ -118,6 +120,28 @@ def test_the_forecast_of_bodies_of_one_network_is_that_of_their_arrays(finer):
     measured = sum(_kept().values()) + _steps(plan)
     forecast = forecast_memory(plan.scene, 1, 1, plan.stepper.method)
     assert forecast.peak - forecast.runtime == pytest.approx(measured, rel=0.15)
+
+
+def test_bodies_of_one_structure_count_as_those_of_equal_ones():
+    grid = jt.voxelize(jt.shapes.box((0.2, 0.1, 0.1)), 0.02)
+    structure = jt.FullVolume(grid)
+    # A material that varies keeps its body apart from the others.
+    varying = jt.Material(
+        16.0,
+        density=8000.0,
+        specific_heat=jt.Property((300.0, 400.0), (460.0, 500.0)),
+        emissivity=0.9,
+    )
+    scenes = []
+    for structures in ([structure] * 5, [jt.FullVolume(grid) for _ in range(5)]):
+        bodies = [jt.Body(part, STEEL, temperature=300.0) for part in structures]
+        bodies[2] = replace(bodies[2], material=varying)
+        scenes.append(jt.Scene(tuple(bodies), TERMS))
+    shared, apart = (forecast_memory(scene, 1, 1, "euler") for scene in scenes)
+    assert shared == apart
+    for scene in scenes:
+        assert grouped_numbers(scene) == [[0, 1, 3, 4], [2]]
+        assert grouped_numbers(scene) is grouped_numbers(scene)
 
 
 @pytest.mark.parametrize("moving", [0, 1, 2])

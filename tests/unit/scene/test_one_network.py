@@ -256,10 +256,11 @@ def mixed_speeds():
 
 
 def test_many_nodes_of_slow_bodies_are_a_group_apart(monkeypatch):
-    scene = jt.Scene(mixed_speeds(), TERMS)
     monkeypatch.setattr(groups, "_SLOW_NODES", 5 * 12 + 1)
+    scene = jt.Scene(mixed_speeds(), TERMS)
     assert groups.grouped_numbers(scene) == [list(range(9))]
     monkeypatch.setattr(groups, "_SLOW_NODES", 5 * 12)
+    scene = jt.Scene(mixed_speeds(), TERMS)
     assert groups.speed_classes(scene) == (0, 1, 1, 0, 1, 0, 1, 0, 1)
     assert groups.grouped_numbers(scene) == [[0, 3, 5, 7], [1, 2, 4, 6, 8]]
     apart_from_all = tuple(range(9))
