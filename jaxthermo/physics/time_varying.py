@@ -13,6 +13,7 @@ from ..arrays import (
     HOST,
     HostTime,
     Samples,
+    Scalar,
     SplitTimes,
     Time,
     TimeVarying,
@@ -321,7 +322,7 @@ class Dose(NamedTuple):
     """At least its integral over time, in units of the value times seconds."""
 
 
-def dose(value: Any, end: float | int, sign: float = 1.0) -> Dose:
+def dose(value: Any, end: float | int, sign: Scalar = 1.0) -> Dose:
     """Bounds of the positive part of `sign` times a value in [0, end] [s].
 
     The integral counts each interval between points of a table, or 1024 samples of a
@@ -331,7 +332,7 @@ def dose(value: Any, end: float | int, sign: float = 1.0) -> Dose:
     if isinstance(value, Until):
         return dose(value.value, min(float(value.end), end), sign)
     if not callable(value):
-        xp = namespace(value)
+        xp = namespace((value, sign))
         size = xp.maximum(sign * xp.asarray(value, float), 0.0)
         return Dose(size, size * end)
     if isinstance(value, Table):
@@ -345,7 +346,7 @@ def dose(value: Any, end: float | int, sign: float = 1.0) -> Dose:
         times = jnp.linspace(0.0, end, _FUNCTION_SAMPLES)
         samples = _sampled(value, end)
         ends = (samples[:-1], samples[1:])
-    xp = namespace((times, ends))
+    xp = namespace((times, ends, sign))
     times = xp.clip(xp.asarray(times, float), 0.0, end)
     sizes = xp.maximum(sign * xp.asarray(ends, float), 0.0)
     # The largest of the values of several cells.

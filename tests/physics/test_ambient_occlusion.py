@@ -7,9 +7,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box, sphere
+from jaxthermo.physics.radiation import visibility
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.view_factors import view_factors
-from jaxthermo.physics.radiation.visibility import sky_view, unobstructed_view
+from jaxthermo.physics.radiation.visibility import (
+    lines_to_surroundings,
+    sky_view,
+    unobstructed_view,
+)
 from jaxthermo.physics.surface import Omitted
 from jaxthermo.reference.view_factor import element_to_disc, parallel_rectangles
 from jaxthermo.voxels.voxelize import voxelize
@@ -219,3 +224,19 @@ def test_too_few_directions_are_refused(directions):
 def test_temperatures_are_checked():
     with pytest.raises(jt.InputError, match="ground"):
         Surroundings(300.0, ground=-1.0)
+
+
+def test_directions_at_once_see_what_each_of_them_sees(monkeypatch):
+    grid = voxelize(box((0.3, 0.2, 0.1)), pitch=0.05)
+    position = grid.fragment_position + np.array([0.0, 0.0, 0.3])
+    obstacle = box((0.4, 0.1, 0.2)).triangles
+
+    def free_lines():
+        return lines_to_surroundings.__wrapped__(
+            obstacle, position, grid.fragment_normal, 0.05, 32
+        )
+
+    at_once = free_lines()
+    monkeypatch.setattr(visibility.os, "cpu_count", lambda: 1)
+    assert_array_equal(at_once, free_lines())
+    assert 0 < np.unpackbits(at_once, axis=0)[:16].mean() < 1

@@ -13,7 +13,9 @@ sky above the horizon and the ground below it. Without obstacles F_sky = (1 + n_
 and F_ground = (1 - n_z) / 2.
 """
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -322,9 +324,17 @@ def lines_to_surroundings(
     # the ground. The first depth layer of a map shows the points that are visible from
     # one side, the last layer those from the other: one map for two directions.
     may_meet = BoundingSpheres.of(triangles).meet(position, upward, _MARGIN * pixel)
-    for number in np.flatnonzero(may_meet):
+    numbers = np.flatnonzero(may_meet).tolist()
+
+    def sees_out(number: int) -> Bool[np.ndarray, " s"]:
         view, at = fitted_view(position, upward[number], pixel)
-        is_free[number] = _sees_out(view, at, triangles, normal)
+        return _sees_out(view, at, triangles, normal)
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        for number, is_free_along in zip(
+            numbers, pool.map(sees_out, numbers), strict=True
+        ):
+            is_free[number] = is_free_along
     return np.packbits(is_free, axis=0)
 
 

@@ -32,7 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ...arrays import added, namespace, taken, typed_array
+from ...arrays import Scalar, added, namespace, taken, typed_array
 from ...constants import STEFAN_BOLTZMANN
 from ...network.network import inverse
 from ...physics.time_varying import Dose, dose
@@ -45,6 +45,10 @@ from .program import Program
 
 _HOTTEST = 1e5
 """Temperature that stands for no bound [K]: no matter remains matter."""
+
+# Arrays: one compiled program serves both.
+_HEATS = np.asarray(1.0)
+_COOLS = np.asarray(-1.0)
 
 # Radiation from other surfaces depends on the bound itself, which starts at a multiple
 # of the bound without it.
@@ -122,7 +126,7 @@ def _largest_of_group(
 
 def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     largest = partial(_largest_of_group, groups=_groups(programs))
-    heat = [_imposed_heat(program, end, 1.0) for program in programs]
+    heat = [_imposed_heat(program, end, _HEATS) for program in programs]
     over = partial(_rise, end=end, duration=duration)
     nodes = around + largest(over([one.of_all for one in heat]))
     bounds = partial(_surface_bounds, around=around, nodes=nodes, end=end)
@@ -149,7 +153,7 @@ def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
 
 
 def _lowest(programs, around, end: float, duration: float) -> Float[Array, ""]:
-    heat = [_imposed_heat(program, end, -1.0) for program in programs]
+    heat = [_imposed_heat(program, end, _COOLS) for program in programs]
     largest = partial(_largest_of_group, groups=_groups(programs))
     rises = [one.of_all for one in heat]
     fall = largest(_rise(rises, end=end, duration=duration))
@@ -186,13 +190,13 @@ def _rise(heat: list[_Rises], end: float, duration: float) -> Float[Array, " b"]
     return jnp.minimum(rate * duration, rises)
 
 
-def _dose(value: Any, end: float, dtype: Any, sign: float = 1.0) -> Dose:
+def _dose(value: Any, end: float, dtype: Any, sign: Scalar = 1.0) -> Dose:
     largest, integral = dose(value, end, sign)
     return Dose(jnp.asarray(largest, dtype), jnp.asarray(integral, dtype))
 
 
 @eqx.filter_jit
-def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
+def _imposed_heat(program: Program, end: float, sign: Scalar) -> _ImposedHeat:
     """Heat of the loads of a program that heats, or that cools for a sign of -1."""
     terms = program.fragment_terms
     half_cell = jnp.asarray(terms.half_cell)
