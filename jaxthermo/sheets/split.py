@@ -39,7 +39,12 @@ def split_long_edges(
     origin = np.arange(len(faces))
     wide = _wide_faces(vertices, faces, longest)
     while len(wide.face):
-        cut = sorted_union(_longest_edges(faces[wide.face], wide.length))
+        edges = sorted_union(_edge_keys(faces).ravel())
+        keys = _edge_keys(faces[wide.face])
+        # Of equal edges the same one in both triangles at it.
+        number = np.searchsorted(edges, keys)
+        preference = wide.length * (1 + 1e-9 * (number % 997) / 997)
+        cut = sorted_union(keys[np.arange(len(keys)), preference.argmax(axis=1)])
         low = cut >> _BITS
         high = cut & ((1 << _BITS) - 1)
         is_end = np.zeros(len(vertices), bool)
@@ -90,15 +95,6 @@ def _edge_keys(faces: Int[np.ndarray, "t 3"]) -> Int[np.ndarray, "t 3"]:
     start = faces.astype(np.int64, copy=False)
     end = np.roll(start, -1, axis=1)
     return np.minimum(start, end) << _BITS | np.maximum(start, end)
-
-
-def _longest_edges(
-    faces: Int[np.ndarray, "w 3"], length: Float[np.ndarray, "w 3"]
-) -> Int[np.ndarray, " w"]:
-    """Longest edge of each triangle, of equal ones the same in both triangles at it."""
-    keys = _edge_keys(faces)
-    preference = length * (1 + 1e-9 * (keys % 997) / 997)
-    return keys[np.arange(len(keys)), preference.argmax(axis=1)]
 
 
 def _sliced(

@@ -23,8 +23,7 @@ def wide_triangles_cut(vertices, faces) -> SplitMesh:
         wide = np.flatnonzero(length.min(axis=1) > LONGEST)
         if not len(wide):
             return SplitMesh(vertices, faces, origin)
-        key = (edges.low << 32 | edges.high)[side[wide]]
-        preference = length[wide] * (1 + 1e-9 * (key % 997) / 997)
+        preference = length[wide] * (1 + 1e-9 * (side[wide] % 997) / 997)
         cut = np.unique(side[wide, preference.argmax(axis=1)])
         middle = np.full(len(edges.uses), -1)
         middle[cut] = len(vertices) + np.arange(len(cut))
