@@ -184,7 +184,6 @@ def compute_view(
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
-    content = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
     # The first view of a body needs most work, which later views share: storing these
     # would cost more than computing them.
     views = [_views_of(s.geometry) for s in surfaces]
@@ -198,9 +197,11 @@ def compute_view(
             surfaces, camera=camera, smooth=smooth, occlusion=occlusion
         )
 
-    geometry = (
-        stored("view", inputs=content, compute=find, types=types) if keep else find()
-    )
+    if keep:
+        content = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
+        geometry = stored("view", inputs=content, compute=find, types=types)
+    else:
+        geometry = find()
     background = compute_background(
         terms, camera=camera, pixel=geometry.pixel, depth=geometry.depth
     )

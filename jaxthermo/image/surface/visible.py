@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 from ...errors import InputError
 from ...geometry.mesh import joined, winding_number
 from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
+from ...memo.found import found
 from ...raster.depth_buffer import nearest_hits
 from ...raster.fragments import within_raster
 from ...scene.scene import SolvedSurface
@@ -42,10 +43,16 @@ class WorldMesh(NamedTuple):
 
 def world_meshes(surfaces: tuple[SolvedSurface, ...]) -> tuple[WorldMesh, ...]:
     """Meshes of bodies at their poses."""
-    bodies = [surface.geometry for surface in surfaces]
+    geometries = tuple(surface.geometry for surface in surfaces)
+    # Bodies that do not move are the same objects in all views.
+    vertices = found(
+        geometries,
+        by="vertices in the world",
+        find=lambda: [g.placed.to_world(g.vertices) for g in geometries],
+    )
     return tuple(
-        WorldMesh(g.placed.to_world(g.vertices), g.faces, g.is_two_sided)
-        for g in bodies
+        WorldMesh(positions, geometry.faces, geometry.is_two_sided)
+        for positions, geometry in zip(vertices, geometries, strict=True)
     )
 
 

@@ -58,6 +58,16 @@ def test_equal_bodies_share_a_shape_and_others_do_not(surfaces):
     assert Shapes.of((geometry,)).fragment_position is geometry.fragment_position
 
 
+def test_meshes_of_bodies_at_rest_are_placed_once(surfaces):
+    first = world_meshes(surfaces)
+    again = world_meshes(surfaces)
+    for mesh, repeated, surface in zip(first, again, surfaces, strict=True):
+        assert repeated.vertices is mesh.vertices
+        geometry = surface.geometry
+        simple = geometry.pose.to_world(geometry.vertices)
+        np.testing.assert_array_equal(mesh.vertices, simple)
+
+
 def test_bodies_are_placed_by_their_poses(surfaces, visible):
     bodies = Bodies.of(surfaces)
     local = bodies.to_body(visible.position, visible.body)
