@@ -53,7 +53,6 @@ from .program_builder import (
 )
 from .receipt import filled_warnings, receipt_of, sheet_lines
 from .snapshots import Snapshot, take_snapshots
-from .stable_rates import largest_rates
 from .stable_step import stable_rates_of
 from .temperature_bounds import temperature_bounds
 from .time_values import with_time_values
@@ -307,9 +306,7 @@ def _bind(
     )
     temperatures, coefficients = on_device((temperatures, coefficients))
     # One step for all snapshots: the smallest.
-    stable_rates = largest_rates(
-        [stable_rates_of(program, temperatures.highest, end) for program in programs]
-    )
+    stable_rates = stable_rates_of(programs, temperatures.highest, end)
     return Compiled(
         programs=programs,
         starts=starts,

@@ -1,29 +1,64 @@
 """The largest explicit step at which every node keeps a positive weight of its own."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ...arrays import added, taken
 from ...network.network import Address, inverse
+from ...physics.boundary import ImposedFlux
 from ...physics.convection.enclosed_air import AirExchange, AirLaw
 from ...physics.half_cells import Extremes
+from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import largest
 from .body_program import BodyProgram
 from .program import Program
-from .stable_rates import StableRates
+from .stable_rates import StableRates, largest_rates
 
 
-@eqx.filter_jit
 def stable_rates_of(
-    program: Program, highest: Float[Array, ""], end: float
+    programs: Sequence[Program], highest: Float[Array, ""], end: float
 ) -> StableRates:
-    """Largest rates of a program, max (sum G + stiffness) / C [1/s].
+    """Largest rates of all snapshots of a scene, max (sum G + stiffness) / C [1/s].
 
     `highest` is the temperature of any surface [K], `end` the end of the run [s].
     """
+    # Snapshots whose imposed fluxes alone differ have the same rates.
+    distinct: dict[tuple[int, ...], Program] = {}
+    for program in programs:
+        limiting = _without_imposed(program)
+        distinct.setdefault(tuple(map(id, jax.tree.leaves(limiting))), limiting)
+    return largest_rates(
+        [_rates_of(program, highest, end) for program in distinct.values()]
+    )
+
+
+def _without_imposed(program: Program) -> Program:
+    """The program without fluxes that do not depend on temperatures."""
+
+    def limiting(terms: SurfaceTerms) -> SurfaceTerms:
+        natural = tuple(
+            (number, term)
+            for number, term in terms.natural
+            if not isinstance(term.law, ImposedFlux)
+        )
+        return replace(terms, natural=natural)
+
+    load = program.surface
+    if load is not None:
+        load = replace(load.by_cell, terms=limiting(load.by_cell.terms))
+    return replace(
+        program, surface=load, fragment_terms=limiting(program.fragment_terms)
+    )
+
+
+@eqx.filter_jit
+def _rates_of(program: Program, highest: Float[Array, ""], end: float) -> StableRates:
     rates = [
         _rates(body, _stiffness(program, number, highest, end))
         for number, body in enumerate(program.bodies)

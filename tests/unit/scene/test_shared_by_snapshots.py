@@ -12,7 +12,9 @@ from jaxthermo.physics.convection.film import FilmExchange
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.radiation.radiative_exchange import RadiativeExchange
 from jaxthermo.physics.radiation.source import Sun
+from jaxthermo.scene.compile import stable_step
 from jaxthermo.scene.compile.bodies import prepare
+from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.groups import body_groups
 from jaxthermo.scene.compile.snapshots import take_snapshots
 from jaxthermo.scene.compile.surface_load import SurfaceLoad
@@ -138,3 +140,31 @@ def test_every_snapshot_is_that_of_its_scene_alone(grid, turn):
         assert len(numbers) > 20
         for number, alone_number in zip(numbers, expected_numbers, strict=True):
             assert_array_equal(number, alone_number)
+
+
+def test_rates_that_limit_the_step_are_those_of_one_snapshot(grid, monkeypatch):
+    rates_of = stable_step._rates_of
+    evaluated = []
+
+    def counted(program, highest, end):
+        evaluated.append(program)
+        return rates_of(program, highest, end)
+
+    monkeypatch.setattr(stable_step, "_rates_of", counted)
+    compiled = compile_scene(scene_of(grid, SUN, STILL_AIR), end=END)
+    assert len(compiled.programs) == len(STARTS)
+    assert len(evaluated) == 1
+    highest = compiled.temperatures.highest
+    for program in compiled.programs:
+        rates = rates_of(program, highest, END)
+        assert_array_equal(rates.at_nodes, compiled.stable_rates.at_nodes)
+    # Contact while one of the bodies moves differs from snapshot to snapshot.
+    evaluated.clear()
+    contact = jt.Contact(bodies=(0, 1), conductance=100.0, gap_length=0.5)
+    moved = compile_scene(scene_of(grid, contact, pose=moving(0.0)), end=END)
+    assert len(evaluated) == len(moved.programs) > 1
+    shortest = min(
+        float(rates_of(program, moved.temperatures.highest, END).step((0, 1)))
+        for program in moved.programs
+    )
+    assert float(moved.stable_step) == shortest
