@@ -29,7 +29,6 @@ import scipy
 from equinox import Module
 from jaxtyping import Array, Bool, Float
 
-from ...choices import CylinderAverage
 from ...errors import InputError
 
 
@@ -168,7 +167,7 @@ def profile(
 class NamedAverage(NamedTuple):
     """Correlation with the range of Reynolds numbers in which it was measured."""
 
-    name: CylinderAverage
+    name: str
     nusselt: Average
     min_reynolds: float
     max_reynolds: float

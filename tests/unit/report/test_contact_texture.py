@@ -1,5 +1,7 @@
 """Contact textures show what touches, in the layer and at the place where it is."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -39,8 +41,9 @@ def test_values_share_the_colours_of_the_palette():
 
 def test_without_contact_there_is_no_image():
     assert _contact_images(GRID, np.full(len(TOP), np.nan), 0.0, 1.0, "iron") == {}
+    unknown: Any = "none"
     with pytest.raises(InputError, match="palette"):
-        _contact_images(GRID, np.zeros(len(TOP)), 0.0, 1.0, "none")
+        _contact_images(GRID, np.zeros(len(TOP)), 0.0, 1.0, unknown)
 
 
 def test_the_layer_that_has_less_is_dark_where_it_ends():
