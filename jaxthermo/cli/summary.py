@@ -12,9 +12,9 @@ from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
 from ..integrate.energy import Energy, HeatRates
-from ..integrate.implicit.solver_statistics import SolverStatistics
 from ..integrate.ledger import pair_name
 from ..integrate.run.solution import RESULTS, Solution, SteadySolution
+from ..integrate.solver_statistics import SolverStatistics
 from ..provenance import provenance
 from ..report.columns import write_columns
 from ..scene.air import bodies_around_air, bodies_with_surface

@@ -40,7 +40,6 @@ from .implicit.newton_stage import (
     shortened,
     solve_linear,
 )
-from .implicit.solver_statistics import SolverStatistics, zero_statistics
 from .isolated_components import (
     IsolatedComponents,
     ProjectedPreconditioner,
@@ -60,6 +59,7 @@ from .run.solution import (
     observe,
     run_result,
 )
+from .solver_statistics import SolverStatistics, zero_statistics
 from .stepper import RunState
 
 

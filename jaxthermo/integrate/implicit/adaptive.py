@@ -27,6 +27,7 @@ from ...arrays import stop_gradient
 from ...physics.windows import within
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
+from ..solver_statistics import SolverStatistics, zero_statistics
 from ..stepper import AbstractStepper, RunState
 from .conjugate_gradient import ConjugateGradient, max_abs
 from .jacobian import ImplicitContext, linearize
@@ -36,7 +37,6 @@ from .newton_stage import (
     solve_linear,
 )
 from .runge_kutta import SQRT2, TR_BDF2, StepResult, runge_kutta_step
-from .solver_statistics import SolverStatistics, zero_statistics
 
 
 _IMPLICIT_COEFFICIENT = 1 - SQRT2 / 2

@@ -22,9 +22,9 @@ from ...arrays import stop_gradient
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
 from ..heat_rates import evaluate_rates
+from ..solver_statistics import SolverStatistics, zero_statistics
 from .conjugate_gradient import BiCGStab, ConjugateGradient, ResidualNorm, max_abs
 from .jacobian import ImplicitContext, Linearization, linearize, masked_to_nodes
-from .solver_statistics import SolverStatistics, zero_statistics
 
 
 _MAX_NEWTON_ITERATIONS = 20

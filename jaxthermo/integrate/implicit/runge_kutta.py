@@ -22,10 +22,10 @@ from ...scene.compile.memory import Method
 from ...scene.compile.program import LedgerEntries, Program, State
 from ..heat_rates import evaluate_rates, load_slopes, pair_conductance
 from ..ledger import into_bodies
+from ..solver_statistics import SolverStatistics, zero_statistics
 from ..stepper import AbstractStepper, RunState
 from .jacobian import ImplicitContext
 from .newton_stage import solve_stage
-from .solver_statistics import SolverStatistics, zero_statistics
 
 
 class Tableau(NamedTuple):

@@ -7,6 +7,7 @@ what is around it: all that an image needs.
 import abc
 import importlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -184,6 +185,10 @@ class AbstractSolution(Module):
     def stored(self) -> "StoredSolution":
         """Return the part of the solution that a file stores."""
         rows = [self.irradiance(k) for k in range(len(self.times))]
+        receipt = self.receipt
+        if receipt is not None:
+            # What one process searched for, another one remembers: no part of a result.
+            receipt = replace(receipt, searches=())
         return StoredSolution(
             times=np.asarray(self.times, float),
             surface_temperature=np.asarray(self.surface_temperature),
@@ -198,7 +203,7 @@ class AbstractSolution(Module):
             mean_temperature=_on_host(self.mean_temperature),
             energy=jax.tree.map(np.asarray, self.energy),
             heat_rates=jax.tree.map(np.asarray, self.heat_rates),
-            receipt=self.receipt,
+            receipt=receipt,
             run=jax.tree.map(np.asarray, self.run),
             probes=self.probes,
             probe_temperature=_on_host(self.probe_temperature),

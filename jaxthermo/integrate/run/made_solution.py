@@ -13,8 +13,8 @@ from ...arrays import device_array, is_traced, taken
 from ...network.network import Address, precise_sum
 from ...parallel.lattice import own_copies, replicated
 from ...scene.compile.program import Program, State
-from ..implicit.solver_statistics import SolverStatistics
 from ..ledger import EnergyTable, energies, energy_table
+from ..solver_statistics import SolverStatistics
 from ..stepper import RunState
 from .missed_limits import EnergyResidual, energy_residual, judged_run
 from .plan import Plan, initial_state

@@ -19,7 +19,7 @@ from ...physics.radiation.source import AbstractSource, PointSource, Sun
 from ...physics.radiation.source_motion import DirectionTable, PointTable
 from ...physics.time_varying import Table, Until, value_at
 from ...scene.receipt_model import Omission, Part, Receipt
-from ..implicit.solver_statistics import SolverStatistics
+from ..solver_statistics import SolverStatistics
 from .run_summary import RunSummary
 
 

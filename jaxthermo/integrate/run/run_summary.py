@@ -3,7 +3,7 @@
 import equinox as eqx
 from equinox import Module
 
-from ..implicit.solver_statistics import SolverStatistics
+from ..solver_statistics import SolverStatistics
 
 
 class RunSummary(Module):

@@ -27,8 +27,8 @@ from ...scene.receipt_model import Receipt
 from ...scene.scene import SolvedSurface
 from ..energy import Energy, HeatRates
 from ..heat_rates import pair_nodes
-from ..implicit.solver_statistics import SolverStatistics
 from ..ledger import Ledger
+from ..solver_statistics import SolverStatistics
 from ..stepper import RunState
 from .abstract_solution import AbstractComputedSolution
 from .run_summary import RunSummary

@@ -105,14 +105,16 @@ def test_receipt_and_steps_are_those_of_the_run(solution, tmp_path):
     stored = jt.load_run(tmp_path)
     assert stored.heat_rates is None
     assert stored.receipt is not None
-    assert stored.receipt.as_dict() == solution.receipt.as_dict()
+    # What this process has searched for, another one may remember.
+    lasting = solution.receipt.as_dict() | {"searches": ()}
+    assert stored.receipt.as_dict() == lasting
     assert stored.run == solution.run
     # A second file has the same: nothing is lost on the way.
     (tmp_path / "again").mkdir()
     stored.save(tmp_path / "again")
     again = jt.load_run(tmp_path / "again")
     assert again.receipt is not None and again.run == solution.run
-    assert again.receipt.as_dict() == solution.receipt.as_dict()
+    assert again.receipt.as_dict() == lasting
 
 
 def test_a_steady_state_is_read_with_its_heat_rates(tmp_path):

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
-from ...physics.flux_law import Values
+from ..physics.flux_law import Values
 
 
 class SolverStatistics(Module):
