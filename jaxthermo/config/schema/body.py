@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag
+from pydantic import ConfigDict, Discriminator, Field, Tag
 from typing_extensions import override
 
 import jaxthermo
@@ -15,7 +15,7 @@ from ...archive import file_hash, text_hash
 from ...errors import InputError, located
 from ..types import quantities as si
 from ..types.files import FoundPath, read_solid
-from ..types.model import Data, Mistake, Model, Short, build
+from ..types.model import Data, Mistake, Model, Short, build, require_nothing
 from ..types.varying import AnyFraction, not_increasing, unequal
 from .geometry import MeshConfig, PartsShape, PoseConfig, ShapeConfig
 from .interior import AirConfig, InteriorConfig
@@ -203,9 +203,12 @@ class BodyOptions(Model):
 class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
     """One body of the scene."""
 
-    temperature: si.StartTemperature | None = None
+    temperature: si.StartTemperature
     """Temperature at the start [K]; `steady` for that of the steady state of the whole
     scene with the values of its start. That of the scene if not given."""
+
+    # The scene gives bodies its temperature before they are checked.
+    model_config = ConfigDict(json_schema_extra=require_nothing)
 
     exactly_one: ClassVar = (
         ("mesh", "shape", "solid"),
@@ -417,8 +420,6 @@ class BodyConfig(BodyOptions, _GeometryConfig, builds="Body"):
     @override
     def mistakes(self) -> list[Mistake]:
         mistakes: list[Mistake] = []
-        if self.temperature is None:
-            mistakes.append((("temperature",), "missing, and it has no default"))
         if self.solid is not None and self.voxels_high is not None:
             message = "the array has them: give the `pitch`"
             mistakes.append((("voxels_high",), message))

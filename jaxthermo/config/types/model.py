@@ -329,6 +329,11 @@ class Short:
         return value
 
 
+def require_nothing(schema: JsonSchemaValue) -> None:
+    """Let an editor accept a mapping whose keys may come from elsewhere in the file."""
+    del schema["required"]
+
+
 def mistakes_in(error: ValidationError) -> list[Mistake]:
     """The mistakes that a validation found."""
     entries = error.errors(include_url=False)
