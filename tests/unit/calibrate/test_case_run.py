@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from calibrate.problem.build import _build_scenes
 from calibrate.problem.case_run import case_run
 from jaxthermo.config.loader import load_config
+from jaxthermo.errors import InputError
 from tests.shallow import SHALLOW
 
 
@@ -66,3 +68,10 @@ def test_an_error_that_is_given_determines_the_steps(config_of):
         assert isinstance(solver, jt.SuperTimeStepping)
         steps.append(solver.dt)
     assert steps[1] <= steps[0] / 4
+
+
+def test_a_fit_has_no_body_that_starts_at_a_steady_state(config_of):
+    config = config_of("bodies.0.temperature=steady")
+    message = "cooling: body 0 has `temperature: steady`, .*: give a number"
+    with pytest.raises(InputError, match=message):
+        _build_scenes({"cooling": config})
