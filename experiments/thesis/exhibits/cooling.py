@@ -16,7 +16,7 @@ from jaxthermo.choices import CylinderAverage, Dtype
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
-from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
+from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.report.chart import Chart
 from jaxthermo.voxels.cylinders import cylinder_parts
 
@@ -33,6 +33,12 @@ _LENGTH = 0.05
 _SPEED = 5.0
 _AIR = 300.0
 _HOT = 340.0
+# Averages that are compared, that of most runs first.
+_AVERAGES: tuple[CylinderAverage, ...] = (
+    "churchill_bernstein",
+    "sanitjai_goldstein",
+    "profile",
+)
 # A poor conductor: in a good one the sides would even out and hide the local number.
 _CERAMIC = jt.Material(conductivity=2.0, density=1800.0, specific_heat=900.0)
 # Saved times, and when the choices are compared [s].
@@ -156,7 +162,7 @@ def cylinder_in_wind(across: int) -> _InWind:
     return _InWind("cylinder", jt.voxelize(mesh, _DIAMETER / across))
 
 
-def _wind(average: CylinderAverage = AVERAGES[0].name) -> jt.Wind:
+def _wind(average: CylinderAverage = _AVERAGES[0]) -> jt.Wind:
     return jt.Wind((_SPEED, 0.0, 0.0), _AIR, average=average)
 
 
@@ -187,8 +193,8 @@ def _compare_choices(case: _InWind, first: jt.Solution) -> dict[str, dict[str, f
     """Temperatures by the average of the wind, and by a fixed h."""
     # Of as much heat as the wind takes at first, spread evenly.
     h = _mean_coefficient(case)
-    runs = {AVERAGES[0].name: first}
-    runs |= {average.name: case.run(_wind(average.name)) for average in AVERAGES[1:]}
+    runs = {_AVERAGES[0]: first}
+    runs |= {average: case.run(_wind(average)) for average in _AVERAGES[1:]}
     runs[f"fixed h = {h:.1f} W/m²K"] = case.run(jt.Convection(h, _AIR))
     time = _SAVED.index(_COMPARED)
     rows = {}
