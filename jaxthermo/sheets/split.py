@@ -14,6 +14,12 @@ from ..geometry.vectors import row_length
 _BITS = 32
 """Bits of the number of a vertex."""
 
+_ROUNDING = 1e-9
+"""Lengths that differ by less than this are equal, relative: rounding decides nothing."""
+
+_IN_TURN = 1 + _ROUNDING * np.arange(3)
+"""Factors by which the first of three equal edges is the shortest one [-]."""
+
 
 class SplitMesh(NamedTuple):
     """Triangles with additional vertices, after the given ones."""
@@ -43,7 +49,7 @@ def split_long_edges(
         keys = _edge_keys(faces[wide.face])
         # Of equal edges the same one in both triangles at it.
         number = np.searchsorted(edges, keys)
-        preference = wide.length * (1 + 1e-9 * (number % 997) / 997)
+        preference = wide.length * (1 + _ROUNDING * (number % 997) / 997)
         cut = sorted_union(keys[np.arange(len(keys)), preference.argmax(axis=1)])
         low = cut >> _BITS
         high = cut & ((1 << _BITS) - 1)
@@ -86,7 +92,7 @@ def _wide_faces(
     along = np.roll(corners, -1, axis=1) - corners
     length = row_length(along.reshape(-1, 3)).reshape(-1, 3)
     # Column by column: numpy is slow along an axis of length three.
-    face = np.flatnonzero(np.minimum.reduce(list(length.T)) > longest)
+    face = np.flatnonzero(np.minimum.reduce(list(length.T)) > (1 + _ROUNDING) * longest)
     return _WideFaces(face, length[face])
 
 
@@ -108,13 +114,13 @@ def _sliced(
     low = vertices.take(edges.low, axis=0)
     along = vertices.take(edges.high, axis=0) - low
     length = row_length(along)
-    is_cut = length > (1 + 1e-9) * longest
+    is_cut = length > (1 + _ROUNDING) * longest
     sides = edges.edge.reshape(-1, 3)
     # A narrow strip has no vertices but those on its borders.
     is_border = is_cut & (edges.uses == 1)
     is_fine = np.zeros(len(length), bool)
     is_fine[sides[is_border[sides].any(axis=1)]] = True
-    limit = np.where(is_fine, longest / 2, (1 + 1e-9) * longest)
+    limit = (1 + _ROUNDING) * np.where(is_fine, longest / 2, longest)
     pieces = np.where(is_cut, np.ceil(length / limit), 1).astype(np.int64)
     first_point = len(vertices) + np.cumsum(pieces - 1) - (pieces - 1)
     edge = np.repeat(np.arange(len(pieces)), pieces - 1)
@@ -124,7 +130,7 @@ def _sliced(
     long_face = np.flatnonzero(is_long)
     # From the corner opposite to the shortest edge, which stays.
     sides = sides[long_face]
-    apex = (length[sides].argmin(1) + 2) % 3
+    apex = ((length[sides] * _IN_TURN).argmin(1) + 2) % 3
     rows = np.arange(len(long_face))
     corners = faces[long_face]
     chains = []

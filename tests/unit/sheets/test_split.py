@@ -48,6 +48,24 @@ def mesh():
     return needles()
 
 
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        jt.shapes.rectangle(4 * LONGEST, 2 * LONGEST),
+        jt.shapes.box((3 * LONGEST, 3 * LONGEST, 3 * LONGEST)),
+        jt.Mesh(LONGEST * np.eye(3) / 2**0.5, np.array([[0, 1, 2]])),
+    ],
+    ids=["whole pieces along the border", "equal edges", "edges of one piece"],
+)
+def test_rounding_does_not_choose_the_pieces(mesh):
+    exact = split_long_edges(mesh.vertices, mesh.faces, LONGEST)
+    noise = np.random.default_rng(3)
+    for _ in range(10):
+        rounding = 1e-17 * noise.standard_normal(mesh.vertices.shape)
+        split = split_long_edges(mesh.vertices + rounding, mesh.faces, LONGEST)
+        np.testing.assert_array_equal(split.faces, exact.faces)
+
+
 def test_pieces_are_those_of_rounds_over_all_triangles(mesh):
     simple = wide_triangles_cut(mesh.vertices, mesh.faces)
     assert len(simple.faces) > 10 * len(mesh.faces)
