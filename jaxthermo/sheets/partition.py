@@ -26,6 +26,9 @@ _TINY = 0.1
 _FLAT = 0.97
 """Length of the sum of the area vectors of a flat node over its area, at least [-]."""
 
+_DIGITS = 9
+"""Decimal places in which equal distances agree, over the largest one."""
+
 _ROUNDS = 2
 """Number of times that vertices move to the nearest node, and nodes to their middle."""
 
@@ -205,9 +208,11 @@ def _nearest(
         points = surface.vertices.take(vertex, axis=0)
         offers = _distances(points, position.take(offered, axis=0))
         present = _distances(points, position.take(node[vertex], axis=0))
-        # The nearest offer of each vertex is written last, of equal ones the first.
+        # The nearest offer of each vertex is written last, of equal ones the first:
+        # rounding does not choose between them.
         nearer = np.flatnonzero(offers < (1 - 1e-9) * present)[::-1]
-        nearer = nearer[np.argsort(-offers[nearer], kind="stable")]
+        near = np.round(offers[nearer] / offers.max(initial=1e-300), _DIGITS)
+        nearer = nearer[np.argsort(-near, kind="stable")]
         node[vertex[nearer]] = offered[nearer]
         # A vertex has a new offer where a neighbour has moved.
         end, start = surface.edges_from(sorted_union(vertex[nearer]))

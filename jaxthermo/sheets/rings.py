@@ -23,8 +23,12 @@ _NARROW = 0.62
 _STILL_NARROW = 0.67
 """Radius up to which rings go on along a tube [cells]."""
 
-_CAP = 1.5
-"""Area of a cap over that of its ring, below which the two are one node [-]."""
+_REST = 1.5
+"""Area of what is left beside a ring over that of the ring, below which it is one node
+with it [-]."""
+
+_CAP = 0.5
+"""The same of the cap of a closed end: a ring with a cap is no cap of the next ring."""
 
 _MOST_AROUND = 6
 """Number of nodes around a tube up to which a ring goes on from another one."""
@@ -99,7 +103,12 @@ def _triples(pairs: Int[np.ndarray, "p 2"], count: int) -> Int[np.ndarray, "t 3"
 def _join_caps(
     nodes: NodeComplex, joined: Int[np.ndarray, " n"], is_free: Bool[np.ndarray, " n"]
 ) -> None:
-    """Join small pieces with no neighbour but rings to one of them, in place."""
+    """Join small pieces with no neighbour but rings, in place.
+
+    Those at an open end or between two rings join one, and so do small caps of a closed
+    end. Other caps become one node.
+    """
+    open_ends = set(nodes.node[nodes.surface.border].ravel().tolist())
     rings = set(np.flatnonzero(~is_free).tolist())
     beside = nodes.neighbours(rings)
     while beside:
@@ -111,6 +120,12 @@ def _join_caps(
         beside -= piece
         if border:
             continue
-        ring = joined[min(nodes.neighbours(piece) & rings)]
-        if nodes.area[list(piece)].sum() < _CAP * nodes.area[joined == ring].sum():
-            joined[list(piece)] = ring
+        beside_it = sorted(nodes.neighbours(piece) & rings)
+        ring = joined[beside_it[0]]
+        is_cap = piece.isdisjoint(open_ends) and (joined[beside_it] == ring).all()
+        members = sorted(piece)
+        share = nodes.area[members].sum() / nodes.area[joined == ring].sum()
+        if share < (_CAP if is_cap else _REST):
+            joined[members] = ring
+        elif share < _REST:
+            joined[members] = members[0]

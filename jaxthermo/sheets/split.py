@@ -15,7 +15,7 @@ _BITS = 32
 """Bits of the number of a vertex."""
 
 _ROUNDING = 1e-9
-"""Lengths that differ by less than this are equal, relative: rounding decides nothing."""
+"""Relative difference of equal lengths, so that rounding decides nothing."""
 
 _IN_TURN = 1 + _ROUNDING * np.arange(3)
 """Factors by which the first of three equal edges is the shortest one [-]."""

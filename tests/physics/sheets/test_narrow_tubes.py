@@ -77,6 +77,24 @@ def test_a_flat_bar_conducts_as_wide_as_it_is(width):
         assert conductance == pytest.approx(2.3 * width, rel=0.02)
 
 
+@pytest.mark.parametrize("width", [0.3, 0.6, 1.0])
+def test_a_bar_with_caps_conducts_from_one_end_to_the_other(width):
+    length = 8.0
+    mesh = jt.shapes.box((width, width, length))
+    for seed in range(6):
+        cells = sheet_cells(turned(mesh, rotation(seed)), pitch=PITCH)
+        z = (cells.position @ rotation(seed))[:, 2]
+        ends = np.array([z.argmin(), z.argmax()])
+        assert cells.node_count >= length / 2
+        assert np.ptp(z) > 0.95 * length
+        laplacian = conduction(cells)
+        temperature = steady(
+            laplacian, np.zeros(len(z)), held=ends, values=np.array([1.0, 0.0])
+        )
+        flow = (laplacian @ temperature)[ends[0]]
+        assert flow * np.ptp(z) == pytest.approx(4 * width, rel=0.05)
+
+
 def sheet_of(mesh, seed):
     return jt.Sheet(turned(mesh, rotation(seed)), (jt.Layer("steel", 1e-3),), PITCH)
 

@@ -49,3 +49,14 @@ def test_a_mesh_without_area_is_refused():
     line = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]]))
     with pytest.raises(InputError, match="no area: give a surface"):
         sheet_cells(line, pitch=0.1)
+
+
+@pytest.mark.parametrize("sides", [(1.4, 1.4, 3.0), (4.0, 3.0, 2.0)])
+def test_rounding_does_not_choose_between_nodes_at_one_distance(sides):
+    box = shapes.box(sides)
+    node = sheet_cells(box, pitch=1.0).vertex_node
+    noise = np.random.default_rng(0)
+    for _ in range(6):
+        rounding = 1e-16 * noise.standard_normal(box.vertices.shape)
+        rounded = Mesh(box.vertices + rounding, box.faces)
+        np.testing.assert_array_equal(sheet_cells(rounded, pitch=1.0).vertex_node, node)
