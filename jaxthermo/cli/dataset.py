@@ -50,7 +50,8 @@ from ..integrate.run.solution_file import load_run
 from ..report.numbers import count
 from .dataset_plan import DatasetPlan, plan_dataset
 from .frames import FrameCamera, chosen_frames
-from .simulate import CHECKPOINT, CONFIG, run_plan
+from .run_folder import CONFIG
+from .simulate import CHECKPOINT, run_plan
 
 
 _PLAN = "plan.json"

@@ -8,15 +8,14 @@ from rich.console import Console
 
 from .. import __version__
 from ..arrays import precision
-from ..atomic import write_json, write_text
 from ..config.card_file import load_card
-from ..config.loader import config_hash, load_config, to_yaml
+from ..config.loader import config_hash, load_config
 from ..config.scene_file import plan_of
 from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..config.shipped_cards import card_name
 from ..console.progress import terminal_progress
-from ..console.results_folder import prepare_folder, results_folder
+from ..console.results_folder import results_folder
 from ..console.terminal import (
     collected_warnings,
     open_console,
@@ -45,7 +44,6 @@ from ..parallel.processes import (
     wait_for_all,
     watching_others,
 )
-from ..report.numbers import count
 from ..scene.air import bodies_with_surface
 from ..scene.compile.body_names import grouped_lines
 from ..scene.compile.on_devices import on_devices
@@ -53,36 +51,26 @@ from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene, mechanism_names
 from ..structures.extrapolation import extrapolations
 from ..structures.report import StructureReport, structure_report
-from .frame_names import FRAMES, earlier_frames
-from .frame_outputs import NO_EXTRAS, OUTPUTS_OF_FRAMES, Extras
-from .frames import FrameCamera, write_frames
+from .frame_outputs import NO_EXTRAS, Extras
+from .frames import FrameCamera
 from .report import log_receipt, log_result, log_scene, log_steps
-from .summary import (
-    peak_memory,
-    summarize,
-    write_energy,
-    write_probes,
+from .run_folder import (
+    FinishedRun,
+    begin_run_folder,
+    check_not_overwritten,
+    write_run,
 )
 from .truth import error_in_words, read_reference
 
 
-CONFIG = "config.yaml"
 CHECKPOINT = "checkpoint.npz"
 # Wall time between checkpoints [s]: a run that is killed loses at most that much.
 _CHECKPOINT_EVERY = 20.0
-PROBES = "probes.csv"
 _VERY_MANY = 1000
 """Number of bodies from which the time that they take is told beforehand."""
 _SETUP_OVER_LOADING = 3.0
 """Time from a loaded config to the first step, over that of loading: bodies of a few
 voxels without radiation, the least that there is."""
-_RESULT_FILES = (
-    "summary.json",
-    "solution.npz",
-    "energy.csv",
-    PROBES,
-    *OUTPUTS_OF_FRAMES,
-)
 
 
 def simulate(
@@ -203,16 +191,6 @@ def card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
     return warnings
 
 
-def check_not_overwritten(config: Path, out: Path) -> None:
-    """Refuse a folder whose handwritten config the resolved one would replace."""
-    if (out / CONFIG).exists() and (out / CONFIG).samefile(config):
-        text = config.read_text(encoding="utf-8")
-        if text != to_yaml(load_config(config)):
-            raise InputError(
-                f"--out {out}: the run would write over {config}; name another folder"
-            )
-
-
 def _run_simulation(
     config: SceneConfig, out: Path, extras: Extras, devices: int
 ) -> None:
@@ -229,61 +207,31 @@ def _run_simulation(
         for line in camera.remarks():
             print_line(console, line)
         setup = time.perf_counter() - clock
-        # The camera and the scene are valid: from here on the folder is this run's, and
-        # results of an earlier run must not be mistaken for this one's.
-        remove_results(out)
-        prepare_folder(out / FRAMES)
-        write_text(out / CONFIG, to_yaml(config))
+        # The camera and the scene are valid: from here on the folder is this run's.
+        begin_run_folder(config, out)
         solution, times = run_plan(console, config=config, plan=plan, out=out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
-        stored = solution.stored()
-        stored.save(out)
-        write_energy(out / "energy.csv", planned.scene, solution)
-        if solution.probes:
-            write_probes(out / PROBES, solution)
-        times |= {"setup_time_s": setup, "frames_time_s": 0.0}
-        summary = summarize(
-            config,
+        times["setup_time_s"] = setup
+        error = None if truth is None else truth.summary(solution)
+        finished = FinishedRun(
+            config=config,
             scene=planned.scene,
             solution=solution,
-            times=times,
             structures=planned.structures,
             warnings=[*planned.warnings, *solution.run.warnings],
+            times=times,
+            truth_error=error,
         )
-        error = None if truth is None else truth.summary(solution)
-        summary["truth_error"] = error
-        # Written before the frames too, which need most of the space: if the disk is
-        # full, only frames are missing, and `jaxthermo render` can draw them later.
-        write_json(out / "summary.json", summary)
-        clock = time.perf_counter()
-        with status(console, "drawing frames"):
-            frames = write_frames(
-                config, camera=camera, stored=stored, folder=out, extras=extras
-            )
-        times["frames_time_s"] = time.perf_counter() - clock
-        summary |= {**times, "peak_memory_bytes": peak_memory()}
-        write_json(out / "summary.json", summary)
+        written = write_run(console, finished, camera=camera, extras=extras, out=out)
     for path in checkpoint_files(out / CHECKPOINT):
         path.unlink(missing_ok=True)
+    times["frames_time_s"] = written.frames_time
     log_result(console, planned.scene, solution, times)
     for line in [] if error is None else error_in_words(error):
         print_line(console, line)
-    frame_count = count(frames.count, "frame")
-    print_line(console, f"{frame_count} in {out / FRAMES}, summary.json in {out}")
-    for line in frames.lines:
+    for line in written.lines:
         print_line(console, line)
-
-
-def remove_results(out: Path) -> None:
-    """Remove the files of an earlier run, and its frames, but nothing else."""
-    for path in (
-        *(out / name for name in _RESULT_FILES),
-        *earlier_frames(out / FRAMES),
-    ):
-        if path.is_dir():
-            raise InputError(f"--out {out}: {path} is a folder; name another --out")
-        path.unlink(missing_ok=True)
 
 
 def run_plan(

@@ -4,33 +4,27 @@ import time
 from pathlib import Path
 
 from ..arrays import precision
-from ..atomic import write_json, write_text
-from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.quantities import TIME, to_si
-from ..console.results_folder import prepare_folder, results_folder
+from ..console.results_folder import results_folder
 from ..console.terminal import collected_warnings, open_console, print_line, status
 from ..errors import InputError
 from ..integrate.run.solution import RESULTS
 from ..integrate.steady import steady
 from ..parallel.devices import provide_devices
-from ..report.numbers import count
 from ..scene.air import bodies_with_surface
 from ..scene.compile.body_names import grouped_lines
 from ..structures.report import structure_report
-from .frame_names import FRAMES
 from .frame_outputs import NO_EXTRAS
-from .frames import FrameCamera, write_frames
+from .frames import FrameCamera
 from .report import log_scene, log_steady
-from .simulate import (
-    CONFIG,
-    PROBES,
-    card_warnings,
+from .run_folder import (
+    FinishedRun,
+    begin_run_folder,
     check_not_overwritten,
-    loaded,
-    remove_results,
+    write_run,
 )
-from .summary import peak_memory, summarize, write_energy, write_probes
+from .simulate import card_warnings, loaded
 
 
 def check_steady(at: str | None, others: dict[str, bool]) -> float:
@@ -110,39 +104,21 @@ def _write(config: SceneConfig, out: Path, at: float) -> None:
     times = {
         "setup_time_s": setup,
         "run_time_s": time.perf_counter() - clock - setup,
-        "frames_time_s": 0.0,
     }
     camera = FrameCamera(config, solution.surfaces, solution.terms)
     for line in camera.remarks():
         print_line(console, line)
-    remove_results(out)
-    prepare_folder(out / FRAMES)
-    write_text(out / CONFIG, to_yaml(config))
-    stored = solution.stored()
-    stored.save(out)
-    write_energy(out / "energy.csv", scene, solution)
-    if solution.probes:
-        write_probes(out / PROBES, solution)
-    summary = summarize(
-        config,
+    begin_run_folder(config, out)
+    finished = FinishedRun(
+        config=config,
         scene=scene,
         solution=solution,
-        times=times,
         structures=structures,
         warnings=warnings,
+        times=times,
     )
-    clock = time.perf_counter()
-    with status(console, "drawing the frame"):
-        frames = write_frames(
-            config, camera=camera, stored=stored, folder=out, extras=NO_EXTRAS
-        )
-    times["frames_time_s"] = time.perf_counter() - clock
-    write_json(
-        out / "summary.json",
-        summary | {**times, "peak_memory_bytes": peak_memory()},
-    )
+    written = write_run(console, finished, camera=camera, extras=NO_EXTRAS, out=out)
+    times["frames_time_s"] = written.frames_time
     log_steady(console, scene, solution, times)
-    frame_count = count(frames.count, "frame")
-    print_line(console, f"{frame_count} in {out / FRAMES}, summary.json in {out}")
-    for line in frames.lines:
+    for line in written.lines:
         print_line(console, line)
