@@ -71,7 +71,7 @@ _KEPT_ONCE_STENCIL = _Parts(fragments=48, cut_voxels=136)
 _KEPT_SNAPSHOT = _Parts(fragments=30)
 # On a sheet, whose fragments are each lit by several triangles.
 _KEPT_SNAPSHOT_OF_SHEET = _Parts(fragments=68)
-_KEPT_MOVED = _Parts(faces=150, fragments=98)
+_KEPT_MOVED = _Parts(faces=144, fragments=88)
 
 # Two states of a step, five of stages; a solve has a dozen, and the levels' own.
 _STEPS_STENCIL: dict[Method, _Parts] = {
