@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..arrays import is_traced, precision
+from ..choices import Dtype
 from ..errors import InputError
 from ..integrate.heat_rates import load_slopes, pair_values
 from ..integrate.implicit.conjugate_gradient import ConjugateGradient, ResidualNorm
@@ -89,7 +90,7 @@ class LinearSystem:
     """Preconditioners and tolerances of the solves, prepared at the first call."""
     layout: _Layout
     inputs: tuple[Input, ...]
-    dtype: str
+    dtype: Dtype
     """Type of the original scene; the system computes in float64."""
 
     @property

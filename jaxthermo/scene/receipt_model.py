@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, dataclass
 
+from ..choices import Dtype
 from ..shown import html_of
 
 
@@ -49,7 +50,7 @@ class Receipt:
     """Number of geometries of moving bodies and sources; 1 if nothing moves."""
     capacity_ratios: tuple[float, ...]
     """Heat capacity of each body's nodes over that of the body [-]."""
-    dtype: str
+    dtype: Dtype
     memory_bytes: int = 0
     """Forecast of the peak of the run without its structures, see `forecast_memory`."""
     body_names: tuple[str, ...] = ()
