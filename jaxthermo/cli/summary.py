@@ -2,12 +2,13 @@
 
 import resource
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict
 
 import numpy as np
 
+from ..arrays import consecutive
 from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
@@ -89,10 +90,6 @@ class _ProbeResults(TypedDict):
     """Temperature at each saved time [K]."""
 
 
-def _mean_temperature(solution: Solution | SteadySolution, index: int) -> list[float]:
-    return np.asarray(solution.mean_temperature, float)[:, index].tolist()
-
-
 def _air(
     scene: Scene, solution: Solution | SteadySolution, index: int, around: int
 ) -> _AirResults:
@@ -102,30 +99,38 @@ def _air(
         mass_kg=body_mass(scene.bodies[index]),
         volume_m3=scene.bodies[index].structure.volume,
         energy=_as_lists(_balance(solution).bodies[index]),
-        temperature_K=_mean_temperature(solution, index),
+        temperature_K=np.asarray(solution.mean_temperature, float)[:, index].tolist(),
     )
 
 
-def _body(
-    scene: Scene, solution: Solution | SteadySolution, index: int
-) -> _BodyResults:
-    grid = scene.bodies[index].structure.grid
-    temperature = np.asarray(solution.of_body(index), float)
-    weight = grid.fragment_area / grid.fragment_area.sum()
-    return _BodyResults(
-        name=scene.bodies[index].name,
-        mesh=describe_mesh(grid.mesh),
-        mass_kg=body_mass(scene.bodies[index]),
-        volume_m3=scene.bodies[index].structure.volume,
-        area_m2=float(grid.fragment_area.sum()),
-        energy=_as_lists(_balance(solution).bodies[index]),
-        surface_temperature_K={
-            "min": temperature.min(axis=1).tolist(),
-            "mean": (temperature @ weight).tolist(),
-            "max": temperature.max(axis=1).tolist(),
-        },
-        mean_temperature_K=_mean_temperature(solution, index),
-    )
+def _bodies(
+    scene: Scene, solution: Solution | SteadySolution
+) -> Iterator[_BodyResults]:
+    """Results of all bodies with a surface, in order."""
+    bodies = bodies_with_surface(scene)
+    # Read once: each attribute of a solution takes a pass over all of its bodies.
+    balances = _balance(solution).bodies
+    surface_temperature = np.asarray(solution.surface_temperature, float)
+    mean_temperature = np.asarray(solution.mean_temperature, float)
+    columns = consecutive(len(body.structure.grid.fragment_area) for body in bodies)
+    for number, (body, of_body) in enumerate(zip(bodies, columns, strict=True)):
+        grid = body.structure.grid
+        temperature = surface_temperature[:, of_body]
+        weight = grid.fragment_area / grid.fragment_area.sum()
+        yield _BodyResults(
+            name=body.name,
+            mesh=describe_mesh(grid.mesh),
+            mass_kg=body_mass(body),
+            volume_m3=body.structure.volume,
+            area_m2=float(grid.fragment_area.sum()),
+            energy=_as_lists(balances[number]),
+            surface_temperature_K={
+                "min": temperature.min(axis=1).tolist(),
+                "mean": (temperature @ weight).tolist(),
+                "max": temperature.max(axis=1).tolist(),
+            },
+            mean_temperature_K=mean_temperature[:, number].tolist(),
+        )
 
 
 def _terms(solution: Solution | SteadySolution) -> list[_TermResults]:
@@ -206,9 +211,7 @@ def summarize(
         "times_s": np.asarray(solution.times, float).tolist(),
         "energy": _as_lists(_balance(solution)),
         "terms": _terms(solution),
-        "bodies": [
-            _body(scene, solution, b) for b in range(len(bodies_with_surface(scene)))
-        ],
+        "bodies": list(_bodies(scene, solution)),
         "airs": [
             _air(scene, solution, air, around)
             for air, around in bodies_around_air(scene).items()

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -141,7 +141,9 @@ def config_hash(config: Model) -> str:
     """
     plain = config.model_dump(exclude_none=True)
     separators = (",", ":")
-    text = json.dumps(plain, sort_keys=True, separators=separators, default=_content)
+    # A file is read once, however many bodies are of it.
+    content = cache(_content)
+    text = json.dumps(plain, sort_keys=True, separators=separators, default=content)
     return text_hash(text)
 
 
