@@ -56,8 +56,9 @@ class JointsConfig(Model):
                 for pattern in patterns:
                     if not matching_parts(pattern, names):
                         yield (*where, side), unmatched_name(pattern, list(names))
-            numbers = {n for side in pair.parts for n in _numbers(side, names)}
-            if len(numbers) == 1:
+            sides = [set(_numbers(side, names)) for side in pair.parts]
+            # A side without a body has its own mistake.
+            if all(sides) and len(set.union(*sides)) == 1:
                 yield where, "is one body twice: name two bodies"
 
     def build_terms(
