@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from itertools import pairwise
 
 from ..errors import InputError
 from .live_run import AbstractLiveRun
@@ -87,11 +88,13 @@ class Player:
         return self.run.time != previous_time
 
     def speeds(self) -> tuple[float, float] | None:
-        """Seconds of the run, and frames, per second; None at a standstill."""
+        """Seconds of the run, and frames sent, per second; None at a standstill."""
         if not self.playing or len(self._ticks) < 2:
             return None
         (first, start) = self._ticks[0]
         (last, now) = self._ticks[-1]
         if last - first < 0.2:
             return None
-        return (now - start) / (last - first), (len(self._ticks) - 1) / (last - first)
+        # A tick within a step shows nothing new, so that no frame is sent.
+        frames = sum(previous[1] != tick[1] for previous, tick in pairwise(self._ticks))
+        return (now - start) / (last - first), frames / (last - first)

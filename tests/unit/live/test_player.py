@@ -1,5 +1,7 @@
 """Play, pause and reset against a clock, and the times of a finished run."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
@@ -108,6 +110,21 @@ def test_speeds_are_those_of_the_last_seconds(playback):
     assert player.speeds() == (pytest.approx(2.0), pytest.approx(20.0))
     player.pause()
     assert player.speeds() is None
+
+
+def test_a_tick_that_shows_nothing_new_is_no_frame(playback, monkeypatch):
+    player = Player(playback, 2.0)
+    player.play()
+    seek = playback.seek
+
+    def seek_whole_steps(time: float) -> None:
+        # As a simulation whose steps are as long as two ticks.
+        seek(0.2 * math.floor(time / 0.2 + 1e-6))
+
+    monkeypatch.setattr(playback, "seek", seek_whole_steps)
+    for k in range(101):
+        player.tick(0.05 * k)
+    assert player.speeds() == (pytest.approx(2.0), pytest.approx(10.0))
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, float("inf"), float("nan")])
