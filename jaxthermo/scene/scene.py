@@ -397,7 +397,9 @@ class BodyGeometry:
     @property
     def placed(self) -> Pose:
         """The pose; of a body that moves, at the start."""
-        return self.pose.at(0.0)
+        pose = self.pose
+        # A method of a module takes a pass over its leaves, for each of many bodies.
+        return pose if isinstance(pose, Pose) else pose.at(0.0)
 
     @property
     def triangles(self) -> Float[np.ndarray, "f 3 3"]:
