@@ -16,16 +16,16 @@ Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.7.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from scipy.linalg import eigh_tridiagonal
-from scipy.optimize import brentq
+from scipy.optimize.elementwise import find_root
 from scipy.special import erfcx
 
 from ...arrays import Time, consecutive, device_array, is_compiling, is_traced
@@ -61,6 +61,9 @@ _LATEST = 25.0
 
 _MIN_LOSS = 1e-3
 """Loss b that stands for none [-]."""
+
+_MIN_SHARE = 1e-12
+"""Smallest excess of a surface over its node, as a share of that without loss [-]."""
 
 
 class _OuterCells(NamedTuple):
@@ -246,7 +249,10 @@ def _largest_drive(compiled: Compiled, end: float) -> Float[np.ndarray, " s"]:
 
 @eqx.filter_jit
 def _drive(
-    program: Program, time: Time, below: list[Float[Array, " _"]], above: Time
+    program: Program,
+    time: Time,
+    below: list[Float[Array, " _"]],
+    above: Float[Array, " s"],
 ) -> Float[Array, " s"]:
     """D of all fragments at a time [K].
 
@@ -254,7 +260,7 @@ def _drive(
         program: of a scene.
         time: of the loads [s].
         below: temperatures of the nodes below the fragments of each body [K].
-        above: excess of all surfaces over their nodes [K].
+        above: excess of each fragment over its node [K].
     """
     terms, theta = program.terms_above(time, below)
     surface = theta + above
@@ -278,18 +284,22 @@ def _strongest_loads(
     starts = edges[:-1].tolist()
     ends = [float(just_before(end, dtype)) for end in edges[1:].tolist()]
 
-    def drives(start: float, time: float, above: float) -> Float[np.ndarray, " s"]:
+    none = np.zeros(len(shallow))
+
+    def drives(
+        start: float, time: float, above: Float[np.ndarray, " s"] = none
+    ) -> Float[np.ndarray, " s"]:
         drive = _drive(
             programs[compiled.number_at(start)],
-            time=jnp.asarray(time, dtype),
+            time=device_array(np.asarray(time), dtype),
             below=below,
-            above=jnp.asarray(above, dtype),
+            above=device_array(above, dtype),
         )
         return np.asarray(drive, float)
 
     strongest = np.zeros(len(shallow))
     for start, time in (*zip(starts, starts, strict=True), (starts[-1], ends[-1])):
-        strongest = np.maximum(strongest, np.abs(drives(start, time, 0.0)))
+        strongest = np.maximum(strongest, np.abs(drives(start, time)))
     # A load may change its sign; one that is not finite is told by the run.
     counts = shallow & (strongest > _MIN_ERROR / 2) & np.isfinite(strongest)
     strongest[~counts] = 0
@@ -300,45 +310,69 @@ def _strongest_loads(
     }
     chosen = list(fragments.values())
     pairs = list(zip(starts, ends, strict=True))
-    first = np.array([drives(start, start, 0.0)[chosen] for start, _ in pairs])
-    last = np.array([drives(start, end, 0.0)[chosen] for start, end in pairs])
-
-    def drive_of(fragment: int, start: float, time: float, above: float) -> float:
-        return float(drives(start, time, above)[fragment])
-
-    loads = {}
-    for column, (number, fragment) in enumerate(fragments.items()):
+    first = np.array([drives(start, start)[chosen] for start, _ in pairs])
+    last = np.array([drives(start, end)[chosen] for start, end in pairs])
+    # Numbers of the bodies that one time loads most, by this time.
+    bodies_at = defaultdict(list)
+    drive_of = {}
+    for column, number in enumerate(fragments):
         drive = np.stack([first[:, column], last[:, column]], axis=1)
         if not np.isfinite(drive).all():
             continue
         interval, is_last = np.unravel_index(np.abs(drive).argmax(), drive.shape)
         start = starts[interval]
-        time = ends[interval] if is_last else start
-        loads[number] = _Loads(
-            fragment=fragment,
+        bodies_at[start, ends[interval] if is_last else start].append(number)
+        drive_of[number] = drive
+    loss_of = {}
+    for (start, time), numbers in bodies_at.items():
+
+        def drives_above(
+            above: Float[np.ndarray, " s"], start: float = start, time: float = time
+        ) -> Float[np.ndarray, " s"]:
+            return drives(start, time, above)
+
+        losses = _losses(
+            drives_above,
+            without_loss=drives(start, time),
+            fragments=np.array([fragments[number] for number in numbers]),
+        )
+        loss_of |= dict(zip(numbers, losses.tolist(), strict=True))
+    return {
+        number: _Loads(
+            fragment=fragments[number],
             edges=edges,
             first=drive[:, 0],
             last=drive[:, 1],
-            loss=_loss(partial(drive_of, fragment, start, time)),
+            loss=loss_of[number],
         )
-    return loads
+        for number, drive in drive_of.items()
+    }
 
 
-def _loss(drive: Callable[[float], float]) -> float:
-    """Loss b [-] of a surface from its D at an excess over the node [K]."""
-    without_loss = drive(0.0)
-    beyond = 1.001 * without_loss
+def _losses(
+    drives: Callable[[Float[np.ndarray, " s"]], Float[np.ndarray, " s"]],
+    without_loss: Float[np.ndarray, " s"],
+    fragments: Int[np.ndarray, " n"],
+) -> Float[np.ndarray, " n"]:
+    """Loss b [-] of some fragments from D at an excess of each over its node."""
 
-    def missing(excess: float) -> float:
-        return drive(excess) - excess
+    def missing(
+        share: Float[np.ndarray, " m"], fragment: Int[np.ndarray, " m"]
+    ) -> Float[np.ndarray, " m"]:
+        above = np.zeros(len(without_loss))
+        above[fragment] = share * without_loss[fragment]
+        return drives(above)[fragment] / without_loss[fragment] - share
 
-    # Without a loss the excess may be beyond by a rounding error.
-    if not missing(beyond) * without_loss < 0:
-        return _MIN_LOSS
-    # At the excess E the flux is what half a cell conducts: D = (1 + b) E.
-    smallest = 1e-12 * without_loss
-    root: Any = brentq(missing, 0.0, beyond, xtol=abs(smallest), rtol=np.float64(1e-3))
-    return max(without_loss / (float(root) or smallest) - 1, _MIN_LOSS)
+    # At the excess E the flux is what half a cell conducts: D = (1 + b) E. Without a
+    # loss E may be beyond D by a rounding error, and no root is within.
+    root = find_root(
+        missing,
+        (0.0, 1.001),
+        args=(fragments,),
+        tolerances={"xatol": _MIN_SHARE, "xrtol": 1e-3},
+    )
+    share = np.where(root.success, root.x, 1.0)
+    return np.maximum(1 / np.maximum(share, _MIN_SHARE) - 1, _MIN_LOSS)
 
 
 def _initial_temperatures(compiled: Compiled) -> list[Float[Array, " _"]]:
