@@ -139,12 +139,12 @@ def grouped_numbers(
 
 def _grouped_numbers(scene: Scene, classes: tuple[int, ...]) -> list[list[int]]:
     forms: dict[Hashable, list[int]] = {}
-    # Equal bodies share their structure, and most bodies one map.
-    structure_form = once(_structure_form)
+    # Most bodies share one map.
     flattened = once(jax.tree.flatten)
-    for number, body in enumerate(scene.bodies):
-        form = structure_form(body.structure)
-        if form is None or _is_varying(body):
+    for number, (body, form) in enumerate(
+        zip(scene.bodies, _body_forms(scene), strict=True)
+    ):
+        if form is None:
             forms[number] = [number]
             continue
         leaves, outline = flattened(body.surface_map)
@@ -168,12 +168,9 @@ def speed_classes(scene: Scene) -> tuple[int, ...]:
 
 
 def _speed_classes(scene: Scene) -> tuple[int, ...]:
-    structure_form = once(_structure_form)
     rates = [
-        0.0
-        if structure_form(body.structure) is None or _is_varying(body)
-        else _diffusion_rate(body)
-        for body in scene.bodies
+        0.0 if form is None else _diffusion_rate(body)
+        for body, form in zip(scene.bodies, _body_forms(scene), strict=True)
     ]
     slow = max(rates, default=0.0) / _SLOWER
     is_slow = [0 < rate < slow for rate in rates]
@@ -221,6 +218,20 @@ def _as_links(body: Body) -> Body:
 def as_links(structure: AbstractStructure) -> AbstractStructure:
     """The form of a structure in which it is joined to others."""
     return structure.as_links if isinstance(structure, FullVolume) else structure
+
+
+def _body_forms(scene: Scene) -> tuple[Hashable | None, ...]:
+    """The same value for bodies that may be joined; None for one by itself."""
+
+    def find() -> tuple[Hashable | None, ...]:
+        # Equal bodies share their structure.
+        structure_form = once(_structure_form)
+        return tuple(
+            None if _is_varying(body) else structure_form(body.structure)
+            for body in scene.bodies
+        )
+
+    return found((scene,), by="forms of bodies", find=find)
 
 
 def _structure_form(structure: AbstractStructure) -> Hashable | None:

@@ -53,7 +53,7 @@ class FullVolume(AbstractVoxelStructure):
     def __check_init__(self):
         check_kernels(self.kernels, "FullVolume")
 
-    @property
+    @cached_property
     def runs_as_stencil(self) -> bool:
         """True if a state is a lattice: no request for links, and no weights."""
         return self.stencil and self.kernels is None and self.weights.are_one
