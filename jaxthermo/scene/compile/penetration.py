@@ -18,6 +18,7 @@ Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.7.
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -325,14 +326,8 @@ def _strongest_loads(
         drive_of[number] = drive
     loss_of = {}
     for (start, time), numbers in bodies_at.items():
-
-        def drives_above(
-            above: Float[np.ndarray, " s"], start: float = start, time: float = time
-        ) -> Float[np.ndarray, " s"]:
-            return drives(start, time, above)
-
         losses = _losses(
-            drives_above,
+            partial(drives, start, time),
             without_loss=drives(start, time),
             fragments=np.array([fragments[number] for number in numbers]),
         )

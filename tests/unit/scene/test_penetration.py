@@ -10,6 +10,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.scene.compile.penetration import _losses
 from tests.bodies import bar, single_body_scene
 from tests.physics.test_skin import HOUR, SUN, half_space
 
@@ -243,3 +244,15 @@ def test_nothing_is_estimated_where_numbers_are_traced():
 
     jax.eval_shape(warned, jnp.asarray(4e3))
     jax.eval_shape(lambda _: warned(4e3), jnp.asarray(0.0))
+
+
+def test_losses_of_all_fragments_follow_from_their_drives():
+    """D = D_0 - b E, and at the surface D = E: D_0 = (1 + b) E."""
+    loss = np.array([0.0, 0.03, 1.0, 40.0, 1e4])
+    without_loss = np.array([3.0, -200.0, 1e-3, 50.0, -7.0])
+    asked = np.array([4, 0, 2, 1])
+    losses = _losses(
+        lambda above: without_loss - loss * above, without_loss, fragments=asked
+    )
+    expected = np.maximum(loss, 1e-3)[asked]
+    np.testing.assert_allclose(1 + losses, 1 + expected, rtol=2e-3)
