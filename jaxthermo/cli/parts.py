@@ -23,6 +23,12 @@ from ..report.table import Table
 from .scene_start import scene_start
 
 
+_Y_UP = (".glb", ".gltf")
+"""Formats whose standard has y up, whatever some programs write."""
+
+_Y_UP_LINE = "by its standard this format has y up: give --up y"
+
+
 class _PartSizes(TypedDict):
     """Sizes of one part, in metres or in units of the file."""
 
@@ -88,10 +94,13 @@ def parts(
             f"--scene: {path} does not state its unit: give --unit or --height"
         )
     meshes = separate_parts(file_path, file_mesh, scale)
+    is_turned = up == "z" and path.suffix.lower() in _Y_UP
     if as_scene:
         scaled = {"unit": "m" if metres == 1.0 else metres}
         if target is not None:
             scaled = {"height": target}
+        if is_turned:
+            sys.stdout.write(f"# {_Y_UP_LINE}\n")
         sys.stdout.write(scene_start({"path": str(path), **scaled, "up": up}, meshes))
         return
     placed = placed_parts(meshes)
@@ -104,6 +113,8 @@ def parts(
         sys.stdout.write(json.dumps(sizes, indent=2) + "\n")
         return
     _print(sizes, bounds=_bounds(list(meshes.values())), is_stated=is_stated)
+    if is_turned:
+        print_line(open_console(), _Y_UP_LINE)
 
 
 def _all_sizes(

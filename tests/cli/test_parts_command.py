@@ -35,6 +35,10 @@ def test_table(printed):
         for words in lines
     )
     assert "3 parts, 36 faces, 11 x 2 x 3 m, in the unit that the file states" in out
+    assert "y up: give --up y" in out
+    _, turned, _ = printed(GIVEN / "instanced.glb", "--up", "y")
+    assert "11 x 3 x 2 m" in turned
+    assert "--up y" not in turned
 
 
 def test_json_in_metres(printed):
