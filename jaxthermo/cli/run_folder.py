@@ -73,7 +73,7 @@ class FinishedRun(NamedTuple):
 
 
 class WrittenRun(NamedTuple):
-    """What is told about the files of a run."""
+    """Time of the frames, and the lines that tell about the files of a run."""
 
     frames_time: float
     """Wall time of the frames [s]."""
