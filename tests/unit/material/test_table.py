@@ -101,7 +101,7 @@ def test_float32_stays_float32():
 
 def test_table_has_every_row_of_the_data():
     rows = material_rows()
-    assert len(rows) == len(materials) == 77
+    assert len(rows) == len(materials) == 78
     data = Path(jaxthermo.__file__).parent / "data"
     for file, used in (
         ("materials.csv", {row.label for row in rows}),
@@ -160,6 +160,10 @@ def test_materials_of_electronics_and_printed_parts():
         plastic = materials[name]
         assert 5e-8 < plastic.diffusivity < 2e-7
         assert "emissivity none tabulated, assumed 0.9" in material_row(name).source
+    # (1 + 0.039 m) c of dry leather with m per cent of water, of 5.33 kJ/(kg K).
+    leather = materials["leather"]
+    assert float(leather.specific_heat) == pytest.approx(5330 / 3.9, rel=3e-3)
+    assert leather.emissivity == 0.77
     board = material_row("pcb")
     assert (board.name, board.emissivity) == ("fr4", 0.91)
     assert "1.059 along it" in board.source
