@@ -376,9 +376,7 @@ def kept_view(
             del views[number]
             views.append(_KeptView(key, view))
             return view
-    bodies_then = tuple(
-        surface.at(time) if surface.moves else surface for surface in surfaces
-    )
+    bodies_then = tuple(surface.at(time) for surface in surfaces)
     terms_then = tuple(term.at(time) for term in terms)
     view = compute_view(
         bodies_then, terms=terms_then, camera=camera, smooth=smooth, occlusion=occlusion
