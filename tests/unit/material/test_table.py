@@ -162,7 +162,7 @@ def test_materials_of_electronics_and_printed_parts():
         assert "emissivity none tabulated, assumed 0.9" in material_row(name).source
     # (1 + 0.039 m) c of dry leather with m per cent of water, of 5.33 kJ/(kg K).
     leather = materials["leather"]
-    assert float(leather.specific_heat) == pytest.approx(5330 / 3.9, rel=3e-3)
+    assert leather.specific_heat == pytest.approx(5330 / 3.9, rel=3e-3)
     assert leather.emissivity == 0.77
     board = material_row("pcb")
     assert (board.name, board.emissivity) == ("fr4", 0.91)
