@@ -141,7 +141,8 @@ def _terms(solution: Solution | SteadySolution) -> list[_TermResults]:
     rows = []
     for part in solution.receipt.parts:
         if len(part.bodies) == 2:
-            heat = balance.contacts[pair_name(part.mechanism, part.bodies)]
+            pair = pair_name(part.mechanism, part.bodies, solution.receipt.body_names)
+            heat = balance.contacts[pair]
         else:
             heat = balance.bodies[part.bodies[0]].mechanisms[part.mechanism]
         total = float(np.ravel(np.asarray(heat, float))[-1])

@@ -15,7 +15,7 @@ class Energy(Module):
     """Heat by each mechanism [J]."""
     contacts: dict[str, Float[Values, " t"]]
     """Heat from the first to the second body of each pair in contact, by a name such as
-    "contact 0-1"; of one body, positive into it [J]."""
+    "contact 0 (roof)-1 (door)"; of one body, positive into it [J]."""
     bodies: tuple["Energy", ...]
     """Energies of each body; empty within one body."""
     residual_relative: Float[Values, " t"]

@@ -3,6 +3,7 @@
 Relative residual = (stored heat - heat of all mechanisms) / heat moved.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -103,7 +104,9 @@ def energy_table(
     )
 
 
-def energies(entries: LedgerEntries, table: EnergyTable) -> Energy:
+def energies(
+    entries: LedgerEntries, table: EnergyTable, body_names: Sequence[str]
+) -> Energy:
     """Group a table of energies by mechanism, by body and by pair [J]."""
     if not is_traced(table):
         # Cut on the host: a single operation on the device would take longer.
@@ -119,12 +122,14 @@ def energies(entries: LedgerEntries, table: EnergyTable) -> Energy:
         },
         # Contacts are listed apart.
         contacts={
-            pair_name(name, ends): table.heat[:, c]
+            pair_name(name, ends, body_names): table.heat[:, c]
             for c, (name, ends) in enumerate(entries)
             if len(ends) == 2
         },
         bodies=tuple(
-            _body_energy(entries, table, body, of_body)
+            _body_energy(
+                entries, table, body=body, columns=of_body, body_names=body_names
+            )
             for body, of_body in enumerate(columns)
         ),
         residual_relative=table.relative,
@@ -137,7 +142,11 @@ def _mechanisms(entries: LedgerEntries) -> tuple[str, ...]:
 
 
 def _body_energy(
-    entries: LedgerEntries, table: EnergyTable, body: int, columns: list[int]
+    entries: LedgerEntries,
+    table: EnergyTable,
+    body: int,
+    columns: list[int],
+    body_names: Sequence[str],
 ) -> Energy:
     mechanisms = {}
     contacts = {}
@@ -146,7 +155,8 @@ def _body_energy(
         if len(ends) == 1:
             mechanisms[name] = table.heat[:, c]
         else:
-            contacts[pair_name(name, ends)] = _sign(ends, body) * table.heat[:, c]
+            pair = pair_name(name, ends, body_names)
+            contacts[pair] = _sign(ends, body) * table.heat[:, c]
     return Energy(
         stored_J=table.stored[:, body],
         mechanisms=mechanisms,
@@ -179,9 +189,19 @@ def into_bodies(
     return product(device_array(_signs(entries, bodies), heat.dtype), heat)
 
 
-def pair_name(mechanism: str, bodies: tuple[int, ...]) -> str:
-    """Name of a pair of bodies that a mechanism joins, in `Energy.contacts`."""
-    return f"{mechanism} {bodies[0]}-{bodies[1]}"
+def pair_name(
+    mechanism: str, bodies: tuple[int, ...], body_names: Sequence[str]
+) -> str:
+    """Name of a pair of bodies that a mechanism joins, in `Energy.contacts`.
+
+    Bodies without a name have their numbers alone. The numbers tell pairs apart whose
+    names, with a hyphen in them, read alike.
+    """
+    ends = [
+        f"{body} ({body_names[body]})" if body_names[body] else str(body)
+        for body in bodies
+    ]
+    return f"{mechanism} {'-'.join(ends)}"
 
 
 def _nonzero(heat: Float[Array, "*t"]) -> Float[Array, "*t"]:

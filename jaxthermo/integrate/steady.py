@@ -7,6 +7,7 @@ by Newton's method; every iteration is a linear solve preconditioned by multigri
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -182,7 +183,7 @@ def steady_solution(scene: Scene, at: float, tolerance: float | None) -> SteadyS
         times=time[None],
         surface_temperature=observation.surface_temperature[None],
         mean_temperature=observation.mean_temperature[None],
-        heat_rates=_heat_rates(program.entries, rates),
+        heat_rates=_heat_rates(program.entries, rates, compiled.receipt.body_names),
         isolated_components=0 if isolated is None else isolated.count,
         isolated_bodies=() if isolated is None else isolated.bodies,
         node_temperature=_node_temperatures(scene, compiled, states),
@@ -242,7 +243,9 @@ def _observe(
     return observation, table
 
 
-def _heat_rates(entries: LedgerEntries, table: EnergyTable) -> HeatRates:
+def _heat_rates(
+    entries: LedgerEntries, table: EnergyTable, body_names: Sequence[str]
+) -> HeatRates:
     """Group heat rates, those of one second, by mechanism, by body and by pair."""
 
     def first(energy: Energy) -> HeatRates:
@@ -257,7 +260,7 @@ def _heat_rates(entries: LedgerEntries, table: EnergyTable) -> HeatRates:
             residual_relative=(-energy.residual_relative).reshape(()),
         )
 
-    return first(energies(entries, table))
+    return first(energies(entries, table, body_names))
 
 
 @eqx.filter_jit

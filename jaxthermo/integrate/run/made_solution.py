@@ -60,9 +60,9 @@ def make_solution(
             from_start=from_start,
         )
     )
-    energy = energies(program.entries, balance.energy)
     saved: Observation = balance.rows if observed is None else observed
     receipt = plan.compiled.receipt
+    energy = energies(program.entries, balance.energy, receipt.body_names)
     missed: tuple[str, ...] = ()
     if not is_traced(balance.residual):
         error, missed = judged_run(error, balance.residual, receipt.dtype)

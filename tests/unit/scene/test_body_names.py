@@ -10,8 +10,10 @@ import pytest
 import jaxthermo as jt
 from calibrate.problem.parameters import find_path
 from jaxthermo.cli.body_lines import ReceiptRow, body_lines, summed
+from jaxthermo.cli.summary import write_energy
 from jaxthermo.errors import InputError
 from jaxthermo.image.files.exr import read_exr
+from jaxthermo.integrate.ledger import pair_name
 from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.scene.compile.body_names import (
     grouped_lines,
@@ -39,7 +41,7 @@ def cube(name: str, x: float = 0.0, **options) -> jt.Body:
 def scene() -> jt.Scene:
     on = jt.Everything(body=1)
     terms = (jt.Convection(10.0, 290.0, on=on), jt.Contact(100.0))
-    return jt.Scene((cube("door.left"), cube("", 0.2)), terms)
+    return jt.Scene((cube("door.left"), cube("", 0.04)), terms)
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +68,25 @@ def test_frames_and_files_have_the_names(solution, tmp_path):
     jt.write_exr(tmp_path / "frame.exr", image)
     _, header = read_exr(tmp_path / "frame.exr")
     assert json.loads(header["bodies"]) == {"0": "door.left", "1": ""}
+
+
+def test_heat_through_a_contact_has_the_names(scene, solution, tmp_path):
+    pair = "contact 0 (door.left)-1"
+    for balance in (solution.energy, jt.steady(scene).heat_rates):
+        assert [*balance.contacts] == [pair]
+        assert [*balance.bodies[1].contacts] == [pair]
+    write_energy(tmp_path / "energy.csv", scene, solution)
+    header, _ = (tmp_path / "energy.csv").read_text().split("\n", 1)
+    columns = [column for column in header.split(",") if "contact" in column]
+    labels = ["", "body 0 (door.left): ", "body 1: "]
+    assert columns == [f"{label}{pair}_J" for label in labels]
+
+
+def test_pairs_whose_names_read_alike_stay_apart():
+    names = ("a", "a-b", "b-c", "c")
+    pairs = [pair_name("contact", bodies, names) for bodies in ((0, 2), (1, 3))]
+    assert pairs == ["contact 0 (a)-2 (b-c)", "contact 1 (a-b)-3 (c)"]
+    assert pair_name("seam", (0, 1), ("", "")) == "seam 0-1"
 
 
 def test_warnings_name_bodies(scene, solution):
