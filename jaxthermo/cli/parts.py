@@ -15,12 +15,13 @@ from ..geometry.equal_parts import PlacedPart, placed_parts
 from ..geometry.files.read import read_contents, read_mesh
 from ..geometry.load import file_scale
 from ..geometry.mesh import Mesh
-from ..geometry.parts import separate_parts
+from ..geometry.part_names import short_names
+from ..geometry.parts import has_extent, separate_parts
 from ..geometry.wall_thickness import wall_thickness
 from ..memo.once import once
 from ..report.numbers import count
 from ..report.table import Table
-from .scene_start import scene_start
+from .scene_start import ignoring_rule, scene_start
 
 
 _Y_UP = (".glb", ".gltf")
@@ -43,6 +44,8 @@ class _PartSizes(TypedDict):
     """Extent along x, y and z."""
     closed: bool
     open_edges: int
+    extent: bool
+    """False for a part whose faces have no area: no body can be made of it."""
     thickness: float | None
     """Thickness of a closed thin wall; None for any other part."""
 
@@ -113,6 +116,7 @@ def parts(
         sys.stdout.write(json.dumps(sizes, indent=2) + "\n")
         return
     _print(sizes, bounds=_bounds(list(meshes.values())), is_stated=is_stated)
+    _print_without_extent(sizes["parts"])
     if is_turned:
         print_line(open_console(), _Y_UP_LINE)
 
@@ -138,6 +142,7 @@ def _all_sizes(
                 size=np.ptp(mesh.bounds, axis=0).tolist(),
                 closed=is_closed,
                 open_edges=open_edges,
+                extent=has_extent(mesh),
                 thickness=thickness(first) if is_closed else None,
             )
         )
@@ -162,7 +167,7 @@ def _print(sizes: _FileSizes, bounds: list[float], is_stated: bool) -> None:
             "" if part["volume"] is None else f"{part['volume']:.4g}",
             _product(part["size"]),
             "" if part["thickness"] is None else f"{part['thickness']:.4g}",
-            "closed" if part["closed"] else f"open ({part['open_edges']:,} open edges)",
+            _surface(part),
         )
         for part in sizes["parts"]
     ]
@@ -186,6 +191,29 @@ def _print(sizes: _FileSizes, bounds: list[float], is_stated: bool) -> None:
     elif unit != "m":
         line += "s: --unit says how long they are"
     print_line(console, line)
+
+
+def _surface(part: _PartSizes) -> str:
+    if not part["extent"]:
+        return "no extent"
+    if part["closed"]:
+        return "closed"
+    return f"open ({part['open_edges']:,} open edges)"
+
+
+def _print_without_extent(parts: list[_PartSizes]) -> None:
+    """Say which parts have no extent, and how a scene leaves them out."""
+    shorts = short_names([part["name"] for part in parts])
+    names = [
+        short for short, part in zip(shorts, parts, strict=True) if not part["extent"]
+    ]
+    if names:
+        have, them = ("part has", "it") if len(names) == 1 else ("parts have", "them")
+        print_line(
+            open_console(),
+            f"{len(names):,} {have} no extent: leave {them} out of a scene by the rule "
+            f"{ignoring_rule(names)}",
+        )
 
 
 def _product(lengths: list[float]) -> str:

@@ -11,6 +11,7 @@ from ..config.schema.material import material_names
 from ..config.strict_yaml import write_flow
 from ..geometry.mesh import Mesh
 from ..geometry.part_names import matching_parts, short_names
+from ..geometry.parts import encloses_volume, has_extent
 from ..geometry.wall_thickness import wall_thickness
 from .touching_parts import DividedPart, touching_parts
 
@@ -50,11 +51,12 @@ class _Group(NamedTuple):
 
     word: str
     """Material in the file, or node."""
-    is_closed: bool
+    is_solid: bool
+    """True for parts that enclose a volume."""
 
 
 def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
-    """Write rules for all parts: solids where they are closed, else sheets.
+    """Write rules for all parts: solids where they enclose a volume, else sheets.
 
     Args:
         file: `path`, `unit` or `height`, and `up` of the mesh file.
@@ -62,11 +64,13 @@ def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
     """
     names = dict(zip(meshes, short_names(list(meshes)), strict=True))
     groups: dict[_Group, list[str]] = defaultdict(list)
+    without_extent: list[str] = []
     for name, mesh in meshes.items():
-        if mesh.area > 0.0:
-            groups[_Group(name.split("/")[-1].split("#")[0], mesh.is_watertight)] += [
-                name
-            ]
+        if not has_extent(mesh):
+            without_extent.append(names[name])
+            continue
+        word = name.split("/")[-1].split("#")[0]
+        groups[_Group(word, encloses_volume(mesh))].append(name)
     corners = np.concatenate([mesh.bounds for mesh in meshes.values()])
     extent = float(np.ptp(corners, axis=0).max())
     lines = [_HEAD, "assembly:\n", f"  mesh: {write_flow(file)}\n"]
@@ -90,15 +94,17 @@ def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
         parts = [meshes[name] for name in members]
         rule = {"match": match, **_rule(group, parts)}
         lines.append(f"    - {write_flow(rule)}{_hint(group, parts)}\n")
-        pitch = _pitch(parts) if group.is_closed else cell
+        pitch = _pitch(parts) if group.is_solid else cell
         for name in members:
-            divided[names[name]] = DividedPart(meshes[name], pitch, not group.is_closed)
-    flat = [names[name] for name, mesh in meshes.items() if mesh.area <= 0.0]
-    if flat:
-        lines.append(
-            f"    - {write_flow({'match': flat, 'ignore': True})}  # no extent\n"
-        )
+            divided[names[name]] = DividedPart(meshes[name], pitch, not group.is_solid)
+    if without_extent:
+        lines.append(f"    - {ignoring_rule(without_extent)}  # no extent\n")
     return "".join([*lines, *_joints(divided), _END])
+
+
+def ignoring_rule(names: list[str]) -> str:
+    """A rule that leaves parts out."""
+    return write_flow({"match": names, "ignore": True})
 
 
 def _joints(parts: Mapping[str, DividedPart]) -> Iterator[str]:
@@ -121,7 +127,7 @@ def _joints(parts: Mapping[str, DividedPart]) -> Iterator[str]:
 
 def _rule(group: _Group, parts: list[Mesh]) -> dict[str, object]:
     material = group.word if group.word in material_names() else _MATERIAL
-    if group.is_closed:
+    if group.is_solid:
         return {"material": material, "pitch": _pitch(parts)}
     layer = {"material": material, "thickness": _SHEET_THICKNESS}
     return {"sheet": {"layers": [layer]}}
@@ -140,9 +146,9 @@ def _pitch(parts: list[Mesh]) -> float:
 def _hint(group: _Group, parts: list[Mesh]) -> str:
     known = group.word in material_names()
     hints = [] if known else [f"material: the file has {group.word!r}"]
-    if not group.is_closed:
+    if not group.is_solid:
         hints.append("thickness: the file has none")
-    walls = [wall_thickness(mesh) if group.is_closed else None for mesh in parts]
+    walls = [wall_thickness(mesh) if group.is_solid else None for mesh in parts]
     thin = [wall for wall in walls if wall is not None]
     if thin:
         hints.append(f"closed walls of {min(thin):.2g} m: see their voxels")

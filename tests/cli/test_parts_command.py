@@ -83,6 +83,10 @@ def test_a_part_of_no_extent_has_a_line_and_is_left_out(printed, tmp_path):
     assert status == 0
     assert "0 x 0 x 0" in next(line for line in out.splitlines() if "point" in line)
     assert "2 parts, 24 faces, 1 x 2 x 3 m" in out
+    rule = "{match: [point], ignore: true}"
+    (told,) = [line for line in out.splitlines() if "leave it out" in line]
+    assert told.startswith("1 part has no extent")
+    assert told.endswith(rule)
     status, out, _ = printed(path, "--scene")
     assert status == 0
     assert "{match: [point], ignore: true}  # no extent" in out

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from ...errors import InputError
 from ...geometry.part_names import assign_rules, short_names
+from ...geometry.parts import has_extent
 from ..types.model import Data, Mistake, MistakesError, Model, mistakes_in
 from ..types.quantities import Flag, NotEmpty, PositiveLength, StartTemperature
 from .body import BodyConfig, BodyOptions
@@ -124,7 +125,7 @@ def _bodies_of_assembly(raw: Any, context: Any) -> list[Data]:
         rule = assembly.parts[number]
         if rule.ignore:
             continue
-        if not parts[label].mesh.area:
+        if not has_extent(parts[label].mesh):
             remedy = f"{{match: {names[label]!r}, ignore: true}}"
             message = f"the part {label!r} has no extent: leave it out by {remedy}"
             mistakes.append((("mesh",), message))

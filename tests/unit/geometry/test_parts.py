@@ -13,6 +13,7 @@ from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.part_names import matching_parts
+from jaxthermo.geometry.parts import encloses_volume, has_extent
 from tests.mesh_files import box_gltf, box_primitive
 
 
@@ -294,3 +295,28 @@ def test_materials_by_patterns():
         jt.materials_by_part(grid, many, {"c": CLAY})
     with pytest.raises(InputError, match="there is no part 'c'"):
         jt.materials_by_part(grid, meshes, {"c": CLAY, "*": STEEL})
+
+
+def test_extent_does_not_hang_on_rounding():
+    turn = trimesh.transformations.rotation_matrix(0.37, (0.3, 0.1, 1.0))[:3, :3]
+    line = np.outer((0.0, 1.0, 3.0), (0.1, 0.03, 0.07)).astype(np.float32)
+    triangle = np.array([[0, 1, 2]])
+    wire = jt.Mesh(line @ turn.T, triangle)
+    assert wire.area > 0.0
+    assert not has_extent(wire)
+    assert not has_extent(jt.Mesh(0.0 * line, triangle))
+    # A strip a hundred thousand times as long as wide, and a small one.
+    strip = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1e-5, 0.0]]
+    assert has_extent(jt.Mesh(np.array(strip), triangle))
+    assert has_extent(jt.Mesh(1e-6 * np.eye(3), triangle))
+
+
+def test_a_flattened_box_encloses_no_volume():
+    box = shapes.box((0.05, 0.05, 0.05))
+    turn = trimesh.transformations.rotation_matrix(0.37, (0.3, 0.1, 1.0))[:3, :3]
+    foil = jt.Mesh(box.vertices * (1.0, 1.0, 1e-4) @ turn.T, box.faces)
+    flat = jt.Mesh(box.vertices * (1.0, 1.0, 0.0) @ turn.T, box.faces)
+    assert encloses_volume(foil)
+    assert flat.is_watertight
+    assert has_extent(flat)
+    assert not encloses_volume(flat)
