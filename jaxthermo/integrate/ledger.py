@@ -13,7 +13,7 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Array, Float, Int
 
-from ..arrays import device_array, is_traced, product
+from ..arrays import added, device_array, is_traced, product, taken
 from ..physics.flux_law import Values
 from ..scene.compile.program import LedgerEntries
 from .energy import Energy
@@ -53,6 +53,62 @@ def empty_ledger(entries: int, dtype) -> Ledger:
     return Ledger(heat=zeros, carry=zeros, moved=zeros)
 
 
+class EntryEnds(NamedTuple):
+    """Bodies of the entries of a ledger, with loads on one body and pairs apart."""
+
+    load: Int[np.ndarray, " l"]
+    """Entries of loads on one body."""
+    heated: Int[np.ndarray, " l"]
+    """Bodies that they heat."""
+    pair: Int[np.ndarray, " p"]
+    """Entries of pairs, whose heat flows from the first body to the second."""
+    first: Int[np.ndarray, " p"]
+    """First body of each pair."""
+    second: Int[np.ndarray, " p"]
+    """Second body of each pair."""
+
+    @classmethod
+    def of(cls, entries: LedgerEntries) -> "EntryEnds":
+        """Bodies of the entries."""
+        counts = np.array([len(bodies) for _, bodies in entries], int)
+        singles = [bodies for _, bodies in entries if len(bodies) == 1]
+        pairs = [bodies for _, bodies in entries if len(bodies) == 2]
+        first, second = np.array(pairs, int).reshape(-1, 2).T
+        return cls(
+            load=np.flatnonzero(counts == 1),
+            heated=np.array(singles, int).reshape(-1),
+            pair=np.flatnonzero(counts == 2),
+            first=first,
+            second=second,
+        )
+
+    def into_bodies(
+        self, heat: Float[Array, "*t c"], bodies: int
+    ) -> Float[Array, "*t b"]:
+        """Sum of the heat of all entries into each body [J]."""
+        return self._summed(heat, bodies, sign_of_first=-1)
+
+    def through_bodies(
+        self, moved: Float[Array, "*t c"], bodies: int
+    ) -> Float[Array, "*t b"]:
+        """Sum of the heat that all entries move into or out of each body [J]."""
+        return self._summed(moved, bodies, sign_of_first=1)
+
+    def _summed(
+        self, heat: Float[Array, "*t c"], bodies: int, sign_of_first: int
+    ) -> Float[Array, "*t b"]:
+        body = np.concatenate([self.heated, self.first, self.second])
+        entry = np.concatenate([self.load, self.pair, self.pair])
+        sign = np.ones(len(body), heat.dtype)
+        sign[len(self.heated) :][: len(self.first)] = sign_of_first
+        # In the order of bodies: the sum of each is taken at one time.
+        order = np.argsort(body, kind="stable")
+        none = jnp.zeros((*heat.shape[:-1], bodies), heat.dtype)
+        signs = device_array(sign[order].reshape(*[1] * (heat.ndim - 1), -1))
+        values = taken(heat, (..., entry[order])) * signs
+        return added(none, (..., body[order]), values, is_sorted=True)
+
+
 class EnergyTable(NamedTuple):
     """Energies of a scene at the saved times, since the start [J]."""
 
@@ -78,19 +134,15 @@ def energy_table(
     equalization: Float[Array, " b"],
 ) -> EnergyTable:
     """Sum a ledger of one column per entry by mechanism and by body [J]."""
-    # Products with constant matrices: as many operations for any number of bodies.
-    signs = _signs(entries, stored.shape[1])
+    ends = EntryEnds.of(entries)
+    bodies = stored.shape[1]
     names = _mechanisms(entries)
-    outer = np.array(
-        [
-            [len(ends) == 1 and name == mechanism for mechanism in names]
-            for name, ends in entries
-        ],
-        heat.dtype,
-    ).reshape(len(entries), len(names))
+    outer = np.zeros((len(entries), len(names)), heat.dtype)
+    for entry in ends.load.tolist():
+        outer[entry, names.index(entries[entry][0])] = 1
     mechanisms = product(heat, device_array(outer))
-    into = product(heat, device_array(signs.T, heat.dtype))
-    through = product(moved, device_array(np.abs(signs).T, heat.dtype))
+    into = ends.into_bodies(heat, bodies)
+    through = ends.through_bodies(moved, bodies)
     total = stored.sum(axis=1)
     # Contacts cancel in the sum over bodies.
     error = total - mechanisms.sum(axis=1)
@@ -156,7 +208,8 @@ def _body_energy(
             mechanisms[name] = table.heat[:, c]
         else:
             pair = pair_name(name, ends, body_names)
-            contacts[pair] = _sign(ends, body) * table.heat[:, c]
+            # The heat of a pair flows from its first body to its second.
+            contacts[pair] = (1 if ends[1] == body else -1) * table.heat[:, c]
     return Energy(
         stored_J=table.stored[:, body],
         mechanisms=mechanisms,
@@ -164,29 +217,6 @@ def _body_energy(
         bodies=(),
         residual_relative=table.relative_of_bodies[:, body],
     )
-
-
-def _sign(bodies: tuple[int, ...], body: int) -> int:
-    # The heat of a pair flows from its first body to its second.
-    into = int(bodies[-1] == body)
-    return into if len(bodies) == 1 else into - int(bodies[0] == body)
-
-
-def _signs(entries: LedgerEntries, bodies: int) -> Int[np.ndarray, "b c"]:
-    """Sign of the heat of each entry into each body; 0 for none."""
-    signs = np.zeros((bodies, len(entries)), int)
-    for c, (_, ends) in enumerate(entries):
-        for body in ends:
-            signs[body, c] = _sign(ends, body)
-    return signs
-
-
-def into_bodies(
-    heat: Float[Array, " c"], entries: LedgerEntries, bodies: int
-) -> Float[Array, " b"]:
-    """Sum the heat of all entries into each body [J]."""
-    # One product with a constant matrix instead of a sum per body.
-    return product(device_array(_signs(entries, bodies), heat.dtype), heat)
 
 
 def pair_name(

@@ -14,14 +14,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...network.network import inverse
 from ...scene.compile.memory import Method
-from ...scene.compile.program import LedgerEntries, Program, State
+from ...scene.compile.program import Program, State
 from ..heat_rates import evaluate_rates, load_slopes, pair_conductance
-from ..ledger import into_bodies
+from ..ledger import EntryEnds
 from ..solver_statistics import SolverStatistics, zero_statistics
 from ..stepper import AbstractStepper, RunState
 from .jacobian import ImplicitContext
@@ -236,8 +236,10 @@ def _correct_energy(
     # Nodes that have not changed at all stay as they are, bit by bit.
     changed = tuple((change != 0).astype(heat.dtype) for change in difference)
 
+    ends = EntryEnds.of(program.entries)
+
     def missing(heat: Float[Array, " c"], states: State) -> Float[Array, " b"]:
-        gained = into_bodies(heat, program.entries, program.body_count)
+        gained = ends.into_bodies(heat, program.body_count)
         change = jax.tree.map(jnp.subtract, states, start_states)
         return gained - program.stored_heat(change)
 
@@ -245,65 +247,35 @@ def _correct_energy(
     # Where nothing changed nothing will; only a division by zero must be avoided.
     holding = jnp.where(holding > 0, holding, program.total_capacity())
     # Sums of the slopes of each body's loads, and of each pair's contacts [W/K].
-    ends = _Ends.of(program.entries)
     loss = jnp.zeros_like(holding).at[ends.heated].add(loads[ends.load])
     right = missing(heat, end_states)
-    if len(ends.contact):
+    if len(ends.pair):
         links = jnp.zeros((len(loss), len(loss)), loads.dtype)
-        links = links.at[ends.first, ends.second].add(contacts[ends.contact])
+        links = links.at[ends.first, ends.second].add(contacts[ends.pair])
         warmer = _solve_dominant(holding + g * loss, g * (links + links.T), right)
     else:
         warmer = right / (holding + g * loss)
-    heat = heat - g * ends.response(loads, contacts, warmer)
+    heat = heat - g * _response(ends, loads, contacts, warmer)
     states = tuple(
         new + body.at_nodes(warmer) * m
         for body, new, m in zip(program.bodies, end_states, changed, strict=True)
     )
     # What remains is rounding; loads that depend on temperature take it.
     remainder = missing(heat, states) * inverse(loss)
-    return states, heat - ends.response(loads, 0 * contacts, remainder)
+    return states, heat - _response(ends, loads, 0 * contacts, remainder)
 
 
-class _Ends(NamedTuple):
-    """Entries of the ledger, apart by the number of their bodies."""
-
-    load: Int[np.ndarray, " l"]
-    """Entries of loads on one body."""
-    heated: Int[np.ndarray, " l"]
-    """Bodies that they heat."""
-    contact: Int[np.ndarray, " p"]
-    """Entries of contacts."""
-    first: Int[np.ndarray, " p"]
-    """First body of each contact."""
-    second: Int[np.ndarray, " p"]
-    """Second body of each contact."""
-
-    @classmethod
-    def of(cls, entries: LedgerEntries) -> "_Ends":
-        """Bodies of the entries."""
-        counts = np.array([len(bodies) for _, bodies in entries], int)
-        singles = [bodies for _, bodies in entries if len(bodies) == 1]
-        pairs = [bodies for _, bodies in entries if len(bodies) == 2]
-        first, second = np.array(pairs, int).reshape(-1, 2).T
-        return cls(
-            load=np.flatnonzero(counts == 1),
-            heated=np.array(singles, int).reshape(-1),
-            contact=np.flatnonzero(counts == 2),
-            first=first,
-            second=second,
-        )
-
-    def response(
-        self,
-        loads: Float[Array, " c"],
-        contacts: Float[Array, " c"],
-        warmer: Float[Array, " b"],
-    ) -> Float[Array, " c"]:
-        """Decrease of the heat rate of each entry for warmer bodies [W]."""
-        response = jnp.zeros(loads.shape, warmer.dtype)
-        response = response.at[self.load].set(loads[self.load] * warmer[self.heated])
-        rise = warmer[self.second] - warmer[self.first]
-        return response.at[self.contact].set(contacts[self.contact] * rise)
+def _response(
+    ends: EntryEnds,
+    loads: Float[Array, " c"],
+    contacts: Float[Array, " c"],
+    warmer: Float[Array, " b"],
+) -> Float[Array, " c"]:
+    """Decrease of the heat rate of each entry for warmer bodies [W]."""
+    response = jnp.zeros(loads.shape, warmer.dtype)
+    response = response.at[ends.load].set(loads[ends.load] * warmer[ends.heated])
+    rise = warmer[ends.second] - warmer[ends.first]
+    return response.at[ends.pair].set(contacts[ends.pair] * rise)
 
 
 def _solve_dominant(

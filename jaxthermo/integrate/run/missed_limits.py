@@ -11,13 +11,12 @@ C its heat capacity [J/K]. The stated error in time is never below that.
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...physics.flux_law import Values
 from ...scene.compile.program import Program
-from ..ledger import into_bodies
+from ..ledger import EntryEnds
 from .time_error import TimeError
 
 
@@ -51,8 +50,7 @@ def energy_residual(
         heat: heat of each entry since the start [J].
         relative: residual of all bodies together over the heat that passed [-].
     """
-    bodies = program.body_count
-    into = jax.vmap(lambda row: into_bodies(row, program.entries, bodies))(heat)
+    into = EntryEnds.of(program.entries).into_bodies(heat, program.body_count)
     kelvin = jnp.abs(stored - into) / program.total_capacity()[None]
     return EnergyResidual(relative=jnp.abs(relative).max(), kelvin=kelvin.max())
 

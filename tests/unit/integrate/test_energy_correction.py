@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 import jaxthermo as jt
 from jaxthermo.integrate.implicit.runge_kutta import _correct_energy, _solve_dominant
-from jaxthermo.integrate.ledger import into_bodies
+from jaxthermo.integrate.ledger import EntryEnds
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Program, State
 from tests.bodies import blocks
@@ -75,7 +75,7 @@ def _step(conductance, g, off, seed):
 def test_every_body_holds_what_it_was_brought(g, conductance):
     step = _step(conductance, g=g, off=100.0, seed=0)
     program = step.program
-    heat_by_body = into_bodies(step.entered, program.entries, 2)
+    heat_by_body = EntryEnds.of(program.entries).into_bodies(step.entered, 2)
     for body, old, new, heat in zip(
         program.bodies, step.start, step.corrected, heat_by_body, strict=True
     ):
