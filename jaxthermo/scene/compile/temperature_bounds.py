@@ -30,7 +30,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float, Int
 
 from ...arrays import Scalar, added, namespace, taken, typed_array
 from ...constants import STEFAN_BOLTZMANN
@@ -111,21 +111,16 @@ def _imposes_heat(program: Program) -> bool:
     return has_sources or any(t.law.imposed_flux is not None for _, t in natural)
 
 
-def _groups(programs: Sequence[Program]) -> Bool[np.ndarray, "b b"]:
-    """Flag the bodies with which each body exchanges heat, directly or by others."""
-    group = exchanging_bodies(programs)
-    return group[:, None] == group
-
-
 def _largest_of_group(
-    values: Float[Array, " b"], groups: Bool[np.ndarray, "b b"]
+    values: Float[Array, " b"], group: Int[np.ndarray, " b"]
 ) -> Float[Array, " b"]:
     """Largest value among the bodies of the group of each body."""
-    return jnp.where(groups, values[None], -jnp.inf).max(axis=1)
+    largest = jax.ops.segment_max(values, group, int(group.max()) + 1)
+    return largest[group]
 
 
 def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
-    largest = partial(_largest_of_group, groups=_groups(programs))
+    largest = partial(_largest_of_group, group=exchanging_bodies(programs))
     heat = [_imposed_heat(program, end, _HEATS) for program in programs]
     over = partial(_rise, end=end, duration=duration)
     nodes = around + largest(over([one.of_all for one in heat]))
@@ -154,7 +149,7 @@ def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
 
 def _lowest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     heat = [_imposed_heat(program, end, _COOLS) for program in programs]
-    largest = partial(_largest_of_group, groups=_groups(programs))
+    largest = partial(_largest_of_group, group=exchanging_bodies(programs))
     rises = [one.of_all for one in heat]
     fall = largest(_rise(rises, end=end, duration=duration))
     fall = fall + largest(jnp.stack([one.excess for one in heat]).max(axis=0))
