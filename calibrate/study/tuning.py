@@ -183,8 +183,7 @@ def sections(sweep: Sweep, tuning: Tuning) -> list[page.Section]:
         optimum = tuning[name]
         values = optimum["values"]
         axis_cells = [f"{values[axis]:.4g}" for axis in sweep.config.axes]
-        error = optimum["rms_percent"]
-        percent = "infinite" if error is None else f"{error:.3g}"
+        percent = _percent(optimum["rms_percent"])
         # The start takes no search.
         runs = "" if name == "start" else f"{tuning[name]['runs']:,}"
         rows.append([name, *axis_cells, percent, runs])
@@ -209,6 +208,10 @@ def sections(sweep: Sweep, tuning: Tuning) -> list[page.Section]:
             chart_svg(_contour(sweep, tuning)),
         ]
     return page_sections
+
+
+def _percent(error: float | None) -> str:
+    return "infinite" if error is None else f"{error:.3g}"
 
 
 def _scale(sweep: Sweep, name: str) -> alt.Scale:
@@ -311,7 +314,7 @@ def _optima(tuning: Tuning, across: str, up: str) -> alt.Chart:
             "y": values[up],
             "error": error,
             "mark": name,
-            "text": f"{name}: {error:.4g} %",
+            "text": f"{name}: {_percent(error)} %",
         }
         marks.append(mark)
     chart = alt.Chart(alt.Data(values=marks)).mark_point(

@@ -59,6 +59,14 @@ def test_the_page_has_both_optima_curves_and_a_contour(tmp_path):
     assert "The fit took 5 runs and the sweep 25, 5 times as many" in text
 
 
+def test_a_start_whose_run_failed_has_an_infinite_error(tmp_path):
+    start: Any = {"values": {"within": 1.0, "between": 1.0}, "rms_percent": None}
+    written = sections(swept(tmp_path), FOUND | {"start": start})
+    page.write_page(tmp_path / "page.html", "Weights", written)
+    text = (tmp_path / "page.html").read_text()
+    assert text.count("<svg") == 3 and "start: infinite %" in text
+
+
 def _values(chart) -> list[list[dict]]:
     return [layer["data"]["values"] for layer in chart.to_dict()["layer"]]
 
