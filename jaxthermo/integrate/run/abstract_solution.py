@@ -6,8 +6,9 @@ what is around it: all that an image needs.
 
 import abc
 import importlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from ...arrays import (
     HostTime,
     SplitTimes,
     Time,
+    consecutive,
     device_array,
     is_traced,
     precision,
@@ -90,12 +92,25 @@ class AbstractSolution(Module):
     def _repr_html_(self) -> str:
         return html_of(self)
 
-    def of_body(self, index: int) -> Float[Array | np.ndarray, "t _"]:
-        """Return the surface temperatures of one body [K]; none of a body of air."""
-        counts = [len(s.geometry.fragment_area) for s in self.surfaces]
-        start = sum(counts[:index])
-        stop = sum(counts[: index + 1])
-        return self.surface_temperature[:, start:stop]
+    @property
+    def of_body(self) -> Callable[[int], Float[Array | np.ndarray, "t _"]]:
+        """Function from the number of a body to its surface temperatures [K].
+
+        It has none of a body of air.
+        """
+        # No method: equinox goes through all bodies of a solution to bind one.
+        temperature, of_bodies = self.surface_temperature, self._fragments_of_bodies
+        nothing = slice(0, 0)
+
+        def temperatures_of(index: int) -> Float[Array | np.ndarray, "t _"]:
+            has_surface = index < len(of_bodies)
+            return temperature[:, of_bodies[index] if has_surface else nothing]
+
+        return temperatures_of
+
+    @cached_property
+    def _fragments_of_bodies(self) -> list[slice]:
+        return consecutive(len(s.geometry.fragment_area) for s in self.surfaces)
 
     def load_time(self, index: int) -> Time | HostTime:
         """Return the time whose loads the surface shows at a saved time [s]."""

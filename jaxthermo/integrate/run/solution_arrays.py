@@ -164,9 +164,9 @@ def balance_columns(
 
 
 class _HeatColumns(NamedTuple):
-    """Columns of energies or heat rates by their names."""
+    """Columns of energies or heat rates by body and kind, and by their names."""
 
-    values: dict[BalanceColumn, Values]
+    values: dict[tuple[int, str], dict[str, Values]]
 
     def value(self, body: int, kind: str) -> Values:
         """The one column of a kind of a body.
@@ -175,17 +175,13 @@ class _HeatColumns(NamedTuple):
             InputError: if it is missing.
         """
         try:
-            return self.values[BalanceColumn(body, kind, "")]
+            return self.values[body, kind][""]
         except KeyError as error:
             raise InputError(f"the column {kind!r} of a body is missing") from error
 
     def named(self, body: int, kind: str) -> dict[str, Values]:
         """Columns of a kind of a body by their names."""
-        return {
-            column.name: heat
-            for column, heat in self.values.items()
-            if column[:2] == (body, kind)
-        }
+        return self.values.get((body, kind), {})
 
 
 def _heat_columns(values: Float[np.ndarray, "t e"], run: RunArrays) -> _HeatColumns:
@@ -200,7 +196,10 @@ def _heat_columns(values: Float[np.ndarray, "t e"], run: RunArrays) -> _HeatColu
         raise InputError(
             f"{values.shape[1]} columns of a balance, and {len(columns)} have a name"
         )
-    return _HeatColumns(dict(zip(columns, values.T, strict=True)))
+    by_body: dict[tuple[int, str], dict[str, Values]] = {}
+    for (body, kind, name), heat in zip(columns, values.T, strict=True):
+        by_body.setdefault((body, kind), {})[name] = heat
+    return _HeatColumns(by_body)
 
 
 def stored_energy(run: RunArrays) -> Energy | None:
