@@ -4,7 +4,6 @@ PyYAML reads YAML 1.1, where `on` is true, `1e-3` is a string, `010` is eight an
 `1:30` is ninety. Here the core schema of YAML 1.2 holds, and a key is given once.
 """
 
-import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -36,7 +35,13 @@ class _Loader(yaml.SafeLoader):
     yaml_constructors: ClassVar[dict[str | None, Callable]] = {}
 
 
-class _Dumper(yaml.SafeDumper):
+# Libyaml writes what PyYAML writes; some installations of PyYAML are without it.
+_FASTEST_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+_ONE_LINE = 2**31 - 1
+"""Width of a line that is never broken."""
+
+
+class _Dumper(_FASTEST_DUMPER):
     yaml_implicit_resolvers = {}
 
     # The same tuple twice would be written as an anchor, which readers stumble over.
@@ -140,6 +145,6 @@ def write_flow(data: Mapping[str, object]) -> str:
         sort_keys=False,
         allow_unicode=True,
         default_flow_style=True,
-        width=math.inf,
+        width=_ONE_LINE,
     )
     return text.strip()

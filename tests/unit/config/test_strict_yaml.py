@@ -1,8 +1,15 @@
 """YAML: no surprises of version 1.1, no duplicate keys, one line for a mistake."""
 
 import pytest
+import yaml
 
-from jaxthermo.config.strict_yaml import parse_yaml, read_yaml, write_yaml
+from jaxthermo.config import strict_yaml
+from jaxthermo.config.strict_yaml import (
+    parse_yaml,
+    read_yaml,
+    write_flow,
+    write_yaml,
+)
 from jaxthermo.errors import InputError
 
 
@@ -69,3 +76,33 @@ def test_unreadable_files(tmp_path):
 def test_writes_what_it_reads():
     data = {"on": "1e3", "a": 1e-9, "b": [1, 2.5, True, None], "c": {"d": "yes 1"}}
     assert parse_yaml(write_yaml(data), "x") == data
+
+
+TEXTS = (
+    *("1e-3", "010", "1:30", "on", "null", "~", "-.5", " ", " led", "- a", "a: b"),
+    *("#x", "a #b", "'q'", '"q"', "two\nlines", "a\tb", "*x", "&x", "{x", "[x", "? x"),
+    *("é µ 漢字", "word " * 60, "body 0 (door.left)", "wheel/tyre*/#2", "<<", "="),
+)
+
+
+def test_libyaml_writes_what_python_writes():
+    """The dumper that is there against PyYAML's own, with the same words of YAML."""
+
+    class PythonDumper(yaml.SafeDumper):
+        yaml_implicit_resolvers = strict_yaml._Dumper.yaml_implicit_resolvers
+
+        def ignore_aliases(self, data):
+            return True
+
+    same = {"size": [0.1, 1e-9, float("inf")], "is": (True, None), "no": {}, "nor": []}
+    data = {"texts": ["", *TEXTS], "by": dict.fromkeys(TEXTS, same), "last": same}
+    written = write_yaml(data)
+    assert written == yaml.dump(
+        data, Dumper=PythonDumper, sort_keys=False, allow_unicode=True
+    )
+    read = parse_yaml(written, "x")
+    assert read["texts"] == ["", *TEXTS]
+    assert list(read["by"]) == list(TEXTS)
+    line = {"match": ["wheel*"] * 50, "ignore": True}
+    assert "\n" not in write_flow(line)
+    assert parse_yaml(write_flow(line), "x") == line
