@@ -5,18 +5,16 @@ from pathlib import Path
 from typing import NamedTuple, TypedDict
 
 import numpy as np
-from jaxtyping import UInt8
 from PIL import Image as Pictures
 from PIL.Image import Image as Picture
 
 from ..choices import Palette, Quantity
-from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..image.colour.annotate import write_png
 from ..image.colour.draw_measurements import draw_marks, draw_measurements, measure
 from ..image.colour.frame_values import covered_fraction, shown_temperature
-from ..image.colour.picture import beyond_scale, coloured, picture
+from ..image.colour.picture import ColouredFrame, coloured, picture
 from ..image.colour.ticks import end_decimals
 from ..image.detector.gain import Gain, plateau_gain
 from ..image.files.exr import write_exr
@@ -53,6 +51,8 @@ class Frame(NamedTuple):
     """A frame with everything that its files, pictures and measurements need."""
 
     config: SceneConfig
+    config_text: str
+    """The config as YAML, for the header of EXR files."""
     fine: Image
     """Image with all samples of each pixel."""
     samples: int
@@ -67,6 +67,7 @@ class Frame(NamedTuple):
     def of(
         cls,
         config: SceneConfig,
+        config_text: str,
         image: Image,
         scale: tuple[float, float],
         samples: int,
@@ -81,6 +82,7 @@ class Frame(NamedTuple):
         readings = measure(pixels, measurements, config.image.quantity)
         return cls(
             config=config,
+            config_text=config_text,
             fine=image,
             samples=samples,
             pixels=pixels,
@@ -127,22 +129,17 @@ class Frame(NamedTuple):
             decimals=end_decimals(*self.scale),
         )
 
-    def tile(self) -> UInt8[np.ndarray, "h w 3"]:
+    def tile(self) -> ColouredFrame:
         """The frame in false colours with marks alone, for a sheet of one scale."""
-        drawn = Pictures.fromarray(coloured(self.fine, **self._colours))
+        frame = coloured(self.fine, **self._colours)
+        drawn = Pictures.fromarray(frame.colours)
         draw_marks(
             drawn,
             self.pixels,
             measurements=self.measurements,
             quantity=self.config.image.quantity,
         )
-        return np.asarray(drawn)
-
-    @property
-    def beyond(self) -> tuple[bool, bool]:
-        """Flags of bodies in the frame that are colder and warmer than the scale."""
-        quantity = self.config.image.quantity
-        return beyond_scale(self.fine, *self.scale, quantity, self.samples)
+        return frame._replace(colours=np.asarray(drawn))
 
     @property
     def _gain(self) -> Gain | None:
@@ -171,8 +168,7 @@ class Frame(NamedTuple):
             path = stem.with_name(stem.name + ending)
             match file_kind:
                 case "exr":
-                    header = {"config": to_yaml(self.config)}
-                    write_exr(path, self.pixels, header)
+                    write_exr(path, self.pixels, {"config": self.config_text})
                 case "png":
                     write_png(path, self.picture() if drawn is None else drawn)
                 case "centikelvin":

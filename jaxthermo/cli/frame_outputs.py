@@ -201,8 +201,9 @@ class _WrittenFrames:
                 self.scale = frame.scale
                 self.saturated += frame.saturated
                 if k in self.on_sheet:
-                    self.tiles.append(frame.tile())
-                    below, above = frame.beyond
+                    tile = frame.tile()
+                    self.tiles.append(tile.colours)
+                    below, above = tile.beyond
                     self.beyond = (self.beyond[0] or below, self.beyond[1] or above)
                 if drawn is not None:
                     yield drawn

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import precision
 from ..config.camera_framing import build_recorder, camera_on
-from ..config.loader import load_config
+from ..config.loader import load_config, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..console.results_folder import prepare_folder, results_folder
@@ -214,9 +214,16 @@ def write_frames(
     images = (draw(time.index) for time in frame_times)
     frames = prepare_folder(folder / FRAMES)
     earlier = earlier_frames(frames) | earlier_outputs(folder)
+    # Written once for all frames: the config of many bodies is long.
+    config_text = to_yaml(config) if "exr" in config.image.files else ""
     written, lines = write_outputs(
         config,
-        frames=(Frame.of(config, image, scale, camera.samples) for image in images),
+        frames=(
+            Frame.of(
+                config, config_text, image=image, scale=scale, samples=camera.samples
+            )
+            for image in images
+        ),
         times=[time.seconds for time in frame_times],
         folder=folder,
         stems=[frames / time.name for time in frame_times],

@@ -11,7 +11,7 @@ from PIL.Image import Image as Picture
 from ..choices import Palette, Quantity
 from ..errors import InputError
 from ..image.colour.frame_values import QUANTITIES
-from ..image.colour.picture import beyond_scale, coloured
+from ..image.colour.picture import coloured
 from ..image.colour.ticks import time_label, to_celsius
 from ..image.radiance.image import Image
 from .sheet import Tile, colour_bar, even_columns, sheet
@@ -67,17 +67,14 @@ def frame_sheet(
             f"frame_sheet(images=): {found_sizes}: give frames of one size"
         )
     shown_frames = [frames[k] for k in shown_on_sheet(len(frames))]
-    tiles = [
+    coloured_frames = [
         coloured(image, low=low, high=high, palette=palette, quantity=quantity)
         for image in shown_frames
     ]
     times = [float(image.time) for image in shown_frames]
-    below, above = zip(
-        *(beyond_scale(image, low, high, quantity) for image in shown_frames),
-        strict=True,
-    )
+    below, above = zip(*(frame.beyond for frame in coloured_frames), strict=True)
     return tile_sheet(
-        tiles,
+        [frame.colours for frame in coloured_frames],
         times=times,
         total=len(frames),
         beyond=(any(below), any(above)),

@@ -2,7 +2,7 @@
 
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -17,6 +17,14 @@ from .frame_values import shown_temperature
 from .palette import BACKGROUND, ENTRIES, apply_palette
 
 
+class ColouredFrame(NamedTuple):
+    """A frame in false colours."""
+
+    colours: UInt8[np.ndarray, "h w 3"]
+    beyond: tuple[bool, bool]
+    """Flags of bodies in the frame that are colder and warmer than the scale."""
+
+
 def coloured(
     image: Image,
     low: float,
@@ -25,48 +33,30 @@ def coloured(
     quantity: Quantity = "apparent",
     samples: int = 1,
     gain: Gain | None = None,
-) -> UInt8[np.ndarray, "h w 3"]:
+) -> ColouredFrame:
     """Colour a frame, without a scale; arguments as of `picture`.
 
     Raises:
         InputError: for an unknown quantity or palette, limits not in order, or
             temperatures that are not finite.
     """
-    kelvin, on_body = _seen(image, quantity)
-    return _colours(
-        kelvin,
-        on_body=on_body,
-        ends=(low, high),
-        palette=palette,
-        samples=samples,
-        gain=gain,
-    )
-
-
-def _seen(image: Image, quantity: str) -> tuple[np.ndarray, np.ndarray]:
-    """Temperature of each pixel [K], and whether it is of a body."""
-    depth = np.asarray(image.depth)
-    return shown_temperature(image, quantity), np.isfinite(depth)
-
-
-def _colours(
-    kelvin: Float[np.ndarray, "H W"],
-    on_body: Bool[np.ndarray, "H W"],
-    ends: tuple[float, float],
-    palette: Palette,
-    samples: int,
-    gain: Gain | None,
-) -> UInt8[np.ndarray, "h w 3"]:
+    kelvin = shown_temperature(image, quantity)
+    on_body = np.isfinite(np.asarray(image.depth))
     values = np.where(on_body, kelvin, np.nan)
+    ends = (low, high)
     if gain is not None:
         values = gain.positions(values)
         ends = (0.0, 1.0)
-    low, high = ends
     colours = apply_palette(
-        values, low=low, high=high, name=palette, invalid=BACKGROUND
+        values, low=ends[0], high=ends[1], name=palette, invalid=BACKGROUND
     )
-    # Colours and not temperatures: at an edge their mean would be of neither side.
-    return averaged(colours, samples)
+    return ColouredFrame(
+        # Colours and not temperatures: at an edge their mean would be of neither side.
+        averaged(colours, samples),
+        beyond=_beyond(
+            kelvin, on_body=on_body, ends=(float(low), float(high)), samples=samples
+        ),
+    )
 
 
 def _without_silhouette(drawn: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
@@ -109,40 +99,27 @@ def picture(
         InputError: for an unknown quantity or palette, limits not in order, or
             temperatures that are not finite.
     """
-    kelvin, drawn = _seen(image, quantity)
-    colours = _colours(
-        kelvin,
-        on_body=drawn,
-        ends=(low, high),
+    frame = coloured(
+        image,
+        low=low,
+        high=high,
         palette=palette,
+        quantity=quantity,
         samples=samples,
         gain=gain,
     )
     return annotate(
-        colours,
+        frame.colours,
         low=low,
         high=high,
         palette=palette,
         time=float(image.time),
         title=title,
         quantity=quantity,
-        beyond=_beyond(
-            kelvin, on_body=drawn, ends=(float(low), float(high)), samples=samples
-        ),
+        beyond=frame.beyond,
         gain=gain,
         start=start,
     )
-
-
-def beyond_scale(
-    image: Image, low: float, high: float, quantity: str = "apparent", samples: int = 1
-) -> tuple[bool, bool]:
-    """Flags of bodies in a frame that are colder and warmer than a scale.
-
-    Arguments as of `picture`.
-    """
-    kelvin, on_body = _seen(image, quantity)
-    return _beyond(kelvin, on_body=on_body, ends=(low, high), samples=samples)
 
 
 def _beyond(
