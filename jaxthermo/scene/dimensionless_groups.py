@@ -7,7 +7,8 @@
 | voxels_across | L over the pitch |
 | heating | flux of the sources, and L times a density, times L / k [K]: the load |
 
-With several bodies, the largest number counts, and the smallest `voxels_across`.
+Properties and coefficients are those at the mean of the body's start. With several
+bodies, the largest number counts, and the smallest `voxels_across`.
 """
 
 from collections.abc import Sequence
@@ -19,12 +20,16 @@ from ..material.layer import Layer
 from ..material.material import Material
 from ..physics.term import OperatingPoint
 from ..structures.kinds.sheet import Sheet
+from .air import bodies_with_surface
 from .scene import Body, Scene
 
 
 def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
-    """Biot, Fourier, voxels across and heating of a scene in a run to `end` [s]."""
-    by_body = [body_numbers(scene, body, end) for body in scene.bodies]
+    """Biot, Fourier, voxels across and heating of a scene in a run to `end` [s].
+
+    They are those of its bodies with a surface; air has none.
+    """
+    by_body = [body_numbers(scene, body, end) for body in bodies_with_surface(scene)]
     rules = {name: min if name == "voxels_across" else max for name in by_body[0]}
     return {
         name: float(rule(numbers[name] for numbers in by_body))
@@ -41,9 +46,10 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     material: Any = getattr(body.material, "materials", (body.material,))[0]
     if isinstance(body.structure, Sheet):
         material = _through(body.structure.stacks[0])
-    start = body.temperature
-    # A start that varies is near room temperature as far as these numbers go.
-    kelvin = 300.0 if callable(start) else float(start)
+    start: Any = body.temperature
+    if callable(start):
+        start = np.mean(np.asarray(start(body.structure.nodes().location)))
+    kelvin = float(start)
     properties = material.at(kelvin)
     k = float(np.mean(np.asarray(properties.conductivity, float)))
     diffusivity = k / float(properties.volumetric_heat_capacity)

@@ -35,6 +35,35 @@ def test_radiation_counts_as_a_coefficient():
     assert scene_numbers(scene, 1.0)["biot"] == pytest.approx(h * 0.01 / 20.0)
 
 
+def test_a_start_that_varies_counts_with_its_mean():
+    cube = jt.FullVolume(blocks(np.ones((6, 6, 6), bool), 0.01))
+    metal = jt.Material(
+        jt.Property([300.0, 900.0], [20.0, 40.0]), density=8000.0, specific_heat=500.0
+    )
+    terms = (jt.Surroundings(280.0), jt.Convection(10.0, 290.0))
+
+    def numbers(start):
+        body = jt.Body(cube, metal, temperature=start)
+        return scene_numbers(jt.Scene((body,), terms), 100.0)
+
+    middle = cube.nodes().location[:, 0].mean()
+    slope = 2000.0
+    varied = numbers(lambda at: 600.0 + slope * (at[:, 0] - middle))
+    assert varied == pytest.approx(numbers(600.0))
+    assert varied["biot"] > 2.0 * numbers(300.0)["biot"]
+
+
+def test_air_within_a_sheet_has_no_numbers():
+    box = jt.shapes.box((0.4, 0.4, 0.4))
+    wall = jt.Body(jt.Sheet(box, (jt.Layer("steel", 1e-3),), 0.2), temperature=300.0)
+    air = jt.Body(jt.AirVolume(0.064), temperature=300.0)
+    terms = (jt.Convection(10.0, 290.0), jt.EnclosedAir(5.0, body=0, air=1))
+    numbers = scene_numbers(jt.Scene((wall, air), terms), 100.0)
+    alone = scene_numbers(jt.Scene((wall,), terms[:1]), 100.0)
+    assert numbers["fourier"] == alone["fourier"]
+    assert numbers["biot"] >= alone["biot"]
+
+
 SIDE = jt.Side((1.0, 0.0, 0.0))
 HALF = jt.Region((-1.0, -1.0, -1.0), (0.03, 1.0, 1.0))
 
