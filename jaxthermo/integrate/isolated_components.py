@@ -22,9 +22,8 @@ from ..network.multigrid import MAX_DENSE_SIZE, link_conductance, node_layout
 from ..network.network import AbstractNetwork, AbstractNodeNetwork
 from ..physics.convection.enclosed_air import AirLaw
 from ..physics.time_varying import value_at
-from ..scene.compile.groups import body_groups
+from ..scene.compile.groups import BodyGroup
 from ..scene.compile.program import Program, State
-from ..scene.scene import Scene
 from ..structures.structure import AbstractStructure
 from .heat_rates import add_loads, air_couplings, load_slopes, pair_conductance
 from .implicit.jacobian import ImplicitContext, masked_to_nodes
@@ -117,15 +116,18 @@ class ProjectedPreconditioner(Module):
 
 
 def find_isolated_components(
-    scene: Scene,
+    groups: tuple[BodyGroup, ...],
     program: Program,
     context: ImplicitContext,
     states: State,
     time: Float[Array, ""],
 ) -> IsolatedComponents | None:
-    """Find the isolated components of a scene; None if there are none."""
+    """Find the isolated components of a program; None if there are none.
+
+    `groups` are the bodies of the program, as it joins them.
+    """
     # On the host, once per solve: the components do not change with temperature.
-    component = _components(scene, program, states, time)
+    component = _components(groups, program, states, time)
     dtype = states[0].dtype
     probe = jnp.asarray(_MIN_PROBE_TEMPERATURE, dtype)
     warmed = tuple(
@@ -228,12 +230,12 @@ def _flat(states: State) -> np.ndarray:
 
 
 def _components(
-    scene: Scene, program: Program, states: State, time
+    groups: tuple[BodyGroup, ...], program: Program, states: State, time
 ) -> Int[np.ndarray, " v"]:
     """Label every entry of all states by an entry that conduction connects it to."""
     labels = [
         _body_components(group.structure, body.network.linear)
-        for group, body in zip(body_groups(scene), program.bodies, strict=True)
+        for group, body in zip(groups, program.bodies, strict=True)
     ]
     starts = np.cumsum([0, *(label.size for label in labels)])
     flat = np.concatenate(

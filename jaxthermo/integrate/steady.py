@@ -20,8 +20,8 @@ from ..arrays import is_traced, stop_gradient
 from ..errors import InputError, require
 from ..network.network import inverse
 from ..scene.compile.compile import compile_scene
-from ..scene.compile.groups import body_groups
-from ..scene.compile.program import Compiled, LedgerEntries, Program, State
+from ..scene.compile.groups import BodyGroup, body_groups
+from ..scene.compile.program import LedgerEntries, Program, State
 from ..scene.motion import Motion
 from ..scene.scene import Scene
 from .energy import Energy, HeatRates
@@ -158,6 +158,7 @@ def steady_solution(scene: Scene, at: float, tolerance: float | None) -> SteadyS
     compiled = compile_scene(scene, 1, at, method="implicit", duration=math.inf)
     traced = is_traced(scene)
     program = compiled.program
+    groups = body_groups(scene, compiled.classes)
     dtype = jnp.dtype(scene.dtype)
     kelvin = STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
     context = implicit_context(
@@ -173,7 +174,7 @@ def steady_solution(scene: Scene, at: float, tolerance: float | None) -> SteadyS
     # Host code, which traced values cannot enter.
     if not traced:
         isolated = find_isolated_components(
-            scene, program=program, context=context, states=compiled.state, time=time
+            groups, program=program, context=context, states=compiled.state, time=time
         )
     states, statistics = _solve(
         program, context=context, start=compiled.state, time=time, isolated=isolated
@@ -186,7 +187,7 @@ def steady_solution(scene: Scene, at: float, tolerance: float | None) -> SteadyS
         heat_rates=_heat_rates(program.entries, rates, compiled.receipt.body_names),
         isolated_components=0 if isolated is None else isolated.count,
         isolated_bodies=() if isolated is None else isolated.bodies,
-        node_temperature=_node_temperatures(scene, compiled, states),
+        node_temperature=_node_temperatures(groups, program, states),
         result=run_result(
             observation.is_finite, observation.is_physical, statistics, steady=True
         ),
@@ -208,12 +209,11 @@ def steady_solution(scene: Scene, at: float, tolerance: float | None) -> SteadyS
 
 
 def _node_temperatures(
-    scene: Scene, compiled: Compiled, states: State
+    groups: tuple[BodyGroup, ...], program: Program, states: State
 ) -> tuple[Float[Array, " _"], ...]:
     """Temperature of every node of each body [K], in the order of the scene."""
     by_number = {}
-    groups = body_groups(scene, compiled.classes)
-    for group, body, state in zip(groups, compiled.program.bodies, states, strict=True):
+    for group, body, state in zip(groups, program.bodies, states, strict=True):
         theta = body.network.temperature(state)[group.structure.node_address()]
         kelvin = theta + body.node_reference
         for number, nodes in zip(group.numbers, group.nodes, strict=True):

@@ -90,7 +90,10 @@ def compile_scene(
     """
     # Memory is checked before anything large is made.
     starts = _snapshot_times(scene, end)
-    memory = check_memory(scene, saves=saves, snapshots=len(starts), method=method)
+    classes = speed_classes(scene) if joins else tuple(range(len(scene.bodies)))
+    memory = check_memory(
+        scene, saves=saves, snapshots=len(starts), method=method, classes=classes
+    )
     time_values = with_time_values(scene, float(end), save_times)
     scene = time_values.scene
     check_airs(scene)
@@ -98,7 +101,7 @@ def compile_scene(
     with searches_recorded() as searches:
         compiled = _bound(
             scene,
-            classes=speed_classes(scene) if joins else tuple(range(len(scene.bodies))),
+            classes=classes,
             starts=starts,
             end=float(end),
             duration=float(end if duration is None else duration),

@@ -133,13 +133,20 @@ class _MemoryForecast(NamedTuple):
 
 
 def forecast_memory(
-    scene: Scene, saves: int, snapshots: int, method: Method
+    scene: Scene,
+    saves: int,
+    snapshots: int,
+    method: Method,
+    classes: tuple[int, ...] | None = None,
 ) -> _MemoryForecast:
-    """Forecast of a run with a number of saves, by steps of a kind."""
+    """Forecast of a run with a number of saves, by steps of a kind.
+
+    `classes` are those of the bodies of the program, see `grouped_numbers`.
+    """
     width = 8 if scene.dtype == "float64" else 4
     joined = {
         number
-        for numbers in grouped_numbers(scene)
+        for numbers in grouped_numbers(scene, classes)
         for number in numbers
         if len(numbers) > 1
     }
@@ -251,13 +258,17 @@ def _body_forecast(
     )
 
 
-def check_memory(scene: Scene, saves: int, snapshots: int, method: Method) -> int:
-    """Forecast of the peak of a run [bytes].
+def check_memory(
+    scene: Scene, saves: int, snapshots: int, method: Method, classes: tuple[int, ...]
+) -> int:
+    """Forecast of the peak of a run [bytes]; arguments as of `forecast_memory`.
 
     Raises:
         InputError: if it would not fit.
     """
-    peak = forecast_memory(scene, saves=saves, snapshots=snapshots, method=method).peak
+    peak = forecast_memory(
+        scene, saves=saves, snapshots=snapshots, method=method, classes=classes
+    ).peak
     remedy = "use a coarser pitch, or save fewer times"
     task = "simulating this scene"
     require_memory(peak, task, remedy)
@@ -275,7 +286,11 @@ def with_memory_of(
         InputError: if these would not fit into memory.
     """
     memory = check_memory(
-        scene, saves=saves, snapshots=len(compiled.starts), method=method
+        scene,
+        saves=saves,
+        snapshots=len(compiled.starts),
+        method=method,
+        classes=compiled.classes,
     )
     receipt = replace(compiled.receipt, memory_bytes=memory)
     return replace(compiled, receipt=receipt)
