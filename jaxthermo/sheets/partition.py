@@ -7,7 +7,7 @@ from ..arrays import rank_in_group, ranks, sorted_union, unique_rows
 from ..geometry.mesh import connected_labels
 from ..geometry.vectors import row_dot, row_length
 from .rings import joined_rings
-from .surface import Surface, summed_rows
+from .surface import ROUNDING, ROUNDING_DIGITS, Surface, summed_rows
 
 
 _ORIGIN = 0.4877
@@ -25,9 +25,6 @@ _TINY = 0.1
 
 _FLAT = 0.97
 """Length of the sum of the area vectors of a flat node over its area, at least [-]."""
-
-_DIGITS = 9
-"""Decimal places in which equal distances agree, over the largest one."""
 
 _ROUNDS = 2
 """Number of times that vertices move to the nearest node, and nodes to their middle."""
@@ -210,8 +207,8 @@ def _nearest(
         present = _distances(points, position.take(node[vertex], axis=0))
         # The nearest offer of each vertex is written last, of equal ones the first:
         # rounding does not choose between them.
-        nearer = np.flatnonzero(offers < (1 - 1e-9) * present)[::-1]
-        near = np.round(offers[nearer] / offers.max(initial=1e-300), _DIGITS)
+        nearer = np.flatnonzero(offers < (1 - ROUNDING) * present)[::-1]
+        near = np.round(offers[nearer] / offers.max(initial=1e-300), ROUNDING_DIGITS)
         nearer = nearer[np.argsort(-near, kind="stable")]
         node[vertex[nearer]] = offered[nearer]
         # A vertex has a new offer where a neighbour has moved.

@@ -9,15 +9,13 @@ from ..arrays import rank_in_group, sorted_union
 from ..geometry.mesh import edges_of
 from ..geometry.refine import cut_faces
 from ..geometry.vectors import row_length
+from .surface import ROUNDING
 
 
 _BITS = 32
 """Bits of the number of a vertex."""
 
-_ROUNDING = 1e-9
-"""Relative difference of equal lengths, so that rounding decides nothing."""
-
-_IN_TURN = 1 + _ROUNDING * np.arange(3)
+_IN_TURN = 1 + ROUNDING * np.arange(3)
 """Factors by which the first of three equal edges is the shortest one [-]."""
 
 
@@ -49,7 +47,7 @@ def split_long_edges(
         keys = _edge_keys(faces[wide.face])
         # Of equal edges the same one in both triangles at it.
         number = np.searchsorted(edges, keys)
-        preference = wide.length * (1 + _ROUNDING * (number % 997) / 997)
+        preference = wide.length * (1 + ROUNDING * (number % 997) / 997)
         cut = sorted_union(keys[np.arange(len(keys)), preference.argmax(axis=1)])
         low = cut >> _BITS
         high = cut & ((1 << _BITS) - 1)
@@ -92,7 +90,7 @@ def _wide_faces(
     along = np.roll(corners, -1, axis=1) - corners
     length = row_length(along.reshape(-1, 3)).reshape(-1, 3)
     # Column by column: numpy is slow along an axis of length three.
-    face = np.flatnonzero(np.minimum.reduce(list(length.T)) > (1 + _ROUNDING) * longest)
+    face = np.flatnonzero(np.minimum.reduce(list(length.T)) > (1 + ROUNDING) * longest)
     return _WideFaces(face, length[face])
 
 
@@ -114,13 +112,13 @@ def _sliced(
     low = vertices.take(edges.low, axis=0)
     along = vertices.take(edges.high, axis=0) - low
     length = row_length(along)
-    is_cut = length > (1 + _ROUNDING) * longest
+    is_cut = length > (1 + ROUNDING) * longest
     sides = edges.edge.reshape(-1, 3)
     # A narrow strip has no vertices but those on its borders.
     is_border = is_cut & (edges.uses == 1)
     is_fine = np.zeros(len(length), bool)
     is_fine[sides[is_border[sides].any(axis=1)]] = True
-    limit = (1 + _ROUNDING) * np.where(is_fine, longest / 2, longest)
+    limit = (1 + ROUNDING) * np.where(is_fine, longest / 2, longest)
     pieces = np.where(is_cut, np.ceil(length / limit), 1).astype(np.int64)
     first_point = len(vertices) + np.cumsum(pieces - 1) - (pieces - 1)
     edge = np.repeat(np.arange(len(pieces)), pieces - 1)

@@ -15,6 +15,12 @@ from ..geometry.vectors import row_dot, unit_vectors
 SHARP_TURN = float(np.cos(np.radians(30)))
 """Cosine of the turn from which a border has a corner, and a surface a crease."""
 
+ROUNDING_DIGITS = 9
+"""Decimal places in which equal lengths agree, over the largest one."""
+
+ROUNDING = 10.0**-ROUNDING_DIGITS
+"""Relative difference of equal lengths, so that rounding decides nothing."""
+
 
 @dataclass(frozen=True)
 class Surface:
