@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..archive import read_archive, select_arrays, write_archive
+from ..choices import Dtype
 from ..errors import InputError
 from ..integrate.run.solution_arrays import BodyArrays, body_arrays, solved_surface
 from ..scene.scene import SolvedSurface
@@ -80,7 +81,7 @@ class ModelFields:
     """Save times [s]."""
     surfaces: tuple[SolvedSurface, ...]
     about: About
-    dtype: str = "float32"
+    dtype: Dtype = "float32"
 
 
 class _ModelArrays(NamedTuple):
@@ -147,6 +148,16 @@ def read_model(path: Path) -> ModelFields:
         raise InputError(f"{path}: {error}; {_REMEDY}") from error
 
 
+def _number_type(name: object) -> Dtype:
+    match name:
+        case "float32":
+            return "float32"
+        case "float64":
+            return "float64"
+        case _:
+            raise ValueError(f"{name!r} is no type of a model's numbers")
+
+
 def _fields(stored: dict[str, np.ndarray]) -> ModelFields:
     arrays = select_arrays(_ModelArrays, stored)
     rates = -np.diagonal(arrays.A)
@@ -165,7 +176,7 @@ def _fields(stored: dict[str, np.ndarray]) -> ModelFields:
                 strict=True,
             )
         )
-        dtype = str(words["dtype"])
+        dtype = _number_type(words["dtype"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("its texts are missing or damaged") from error
     count = sum(name.endswith("_pitch") for name in stored)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...choices import Dtype
 from ...physics.flux_law import Values
 from ...scene.compile.program import Program
 from ..ledger import EntryEnds
@@ -64,7 +65,7 @@ class JudgedRun(NamedTuple):
 
 
 def judged_run(
-    error: TimeError | None, residual: EnergyResidual, dtype: str
+    error: TimeError | None, residual: EnergyResidual, dtype: Dtype
 ) -> JudgedRun:
     """Return the error in time with the energy residual, and a line a missed limit.
 

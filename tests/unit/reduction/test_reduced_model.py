@@ -10,6 +10,7 @@ import pytest
 from bodies import bar, blocks
 
 import jaxthermo as jt
+from jaxthermo.reduction.reduced_file import read_model, write_model
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
@@ -324,6 +325,16 @@ def test_a_damaged_file_is_refused_in_one_line(model, tmp_path, damage):
     with pytest.raises(jt.InputError) as refused:
         jt.load_reduced(path)
     assert "\n" not in str(refused.value) and "model.npz" in str(refused.value)
+
+
+def test_a_file_of_other_numbers_is_refused(model, tmp_path):
+    path = tmp_path / "model.npz"
+    model.save(path)
+    fields = read_model(path)
+    assert fields.dtype == model.dtype
+    write_model(path, replace(fields, dtype="float16"))
+    with pytest.raises(jt.InputError, match="its texts are missing or damaged"):
+        jt.load_reduced(path)
 
 
 @pytest.mark.parametrize(
