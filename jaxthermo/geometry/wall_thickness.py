@@ -8,7 +8,7 @@ from .mesh import Mesh
 
 _RAYS = 24
 _DEVIATION = 0.25
-"""Difference between the two thicknesses of a wall, over the first [-]."""
+"""Difference between the way through a wall and 2 V / A, over the latter [-]."""
 _FLATNESS = 100.0
 """Area of one side of a wall over the square of its thickness, at least [-]."""
 _MAX_FACES = 200_000
@@ -18,20 +18,19 @@ _MAX_FACES = 200_000
 def wall_thickness(mesh: Mesh) -> float | None:
     """Thickness of a closed thin wall [m]; None for any other body.
 
-    A wall of thickness t has two sides of A / 2 each and a volume of t A / 2, thus
-    t = 2 V / A, and the way through it from most of its faces is t too. For a rod or a
-    ball the two differ.
+    The way through a wall of thickness t is t from most of its faces, and as its sides
+    have nearly all of its area, 2 V / A is little less. For a rod or a ball the two
+    differ.
     """
     area = mesh.area
     volume = mesh.volume
     if volume <= 0.0 or area <= 0.0 or len(mesh.faces) > _MAX_FACES:
         return None
-    thickness = 2.0 * volume / area
-    if area / 2.0 < _FLATNESS * thickness**2:
+    mean = 2.0 * volume / area
+    if area / 2.0 < _FLATNESS * mean**2:
         return None
-    through = float(np.median(_ways_through(mesh)))
-    is_wall = abs(through - thickness) <= _DEVIATION * thickness
-    return thickness if is_wall else None
+    thickness = float(np.median(_ways_through(mesh)))
+    return thickness if abs(thickness - mean) <= _DEVIATION * mean else None
 
 
 def _ways_through(mesh: Mesh) -> Float[np.ndarray, " r"]:

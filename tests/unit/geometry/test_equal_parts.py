@@ -61,14 +61,19 @@ def test_scaled_and_mirrored_parts_have_a_mesh_of_their_own(scale):
     [
         (jt.shapes.box((0.5, 0.4, 0.004)), 0.004),
         (jt.shapes.box((0.5, 0.4, 0.004)).placed(TURNED), 0.004),
+        (jt.shapes.box((0.1, 0.08, 0.004)), 0.004),
+        (jt.shapes.box((0.04, 0.04, 0.004)).placed(TURNED), 0.004),
         (jt.shapes.tube(0.1, 0.098, 0.3), 0.002),
         (jt.shapes.box((1.0, 1.0, 1.0)), None),
         (jt.shapes.box((2.0, 0.01, 0.01)), None),
         (jt.shapes.sphere(0.1), None),
         (jt.shapes.cylinder(0.01, 3.0), None),
     ],
-    ids=["plate", "turned plate", "tube", "cube", "bar", "ball", "rod"],
+    ids=[
+        *("plate", "turned plate", "board", "turned small board"),
+        *("tube", "cube", "bar", "ball", "rod"),
+    ],
 )
 def test_thickness_of_walls(mesh, thickness):
-    expected = None if thickness is None else pytest.approx(thickness, rel=0.03)
+    expected = None if thickness is None else pytest.approx(thickness, rel=1e-3)
     assert wall_thickness(mesh) == expected
