@@ -474,11 +474,6 @@ class Pose(Module):
         del time
         return self
 
-    def snapshot_times(self, end: float) -> tuple[float, ...]:
-        """Times at which the geometry changes: none."""
-        del end
-        return ()
-
 
 def _turn_of(pose: Pose) -> Turn | None:
     """The turn of a pose; without a rotation it is 0 about any axis."""

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..arrays import is_traced, stop_gradient
+from ..arrays import stop_gradient
 from ..errors import InputError, require
 from ..network.network import inverse
 from ..scene.compile.compile import compile_scene
@@ -123,7 +123,7 @@ def steady(
     require(scene, classes=Scene, argument="steady(scene=)", give="a Scene")
     if tolerance is not None and not tolerance > 0:
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")
-    with scene.precision():
+    with scene.precision:
         solution = steady_solution(static_scene(scene, at), at or 0.0, tolerance)
     for warning in solution.receipt.warnings:
         warnings.warn(warning, stacklevel=2)
@@ -156,7 +156,7 @@ def steady_solution(scene: Scene, at: float, tolerance: float | None) -> SteadyS
     """Find the steady state of a scene in which nothing moves, see `steady`."""
     scene = arranged_for_solves(scene)
     compiled = compile_scene(scene, 1, at, method="implicit", duration=math.inf)
-    traced = is_traced(scene)
+    traced = scene.is_traced
     program = compiled.program
     groups = body_groups(scene, compiled.classes)
     dtype = jnp.dtype(scene.dtype)

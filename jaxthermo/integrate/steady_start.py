@@ -7,7 +7,6 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Float
 
-from ..arrays import is_traced
 from ..errors import InputError, require
 from ..physics.flux_law import Values
 from ..scene.scene import AbstractMaterials, Body, Scene
@@ -79,7 +78,7 @@ def start_steady(
                 f"start_steady(bodies=): there is no body {number}; count from 0 to "
                 f"{len(scene.bodies) - 1}"
             )
-    with scene.precision():
+    with scene.precision:
         solution = finished(_solution(scene, at, tolerance), throw=True)
         isolated = {*numbers} & {*solution.isolated_bodies}
         if isolated:
@@ -103,7 +102,7 @@ def _settled(
     tolerance: float | None,
 ) -> Scene:
     """The scene whose steady state, with the properties at its start, is its start."""
-    is_known = not is_traced(scene)
+    is_known = not scene.is_traced
     limit = STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
     for _ in range(_MOST_SOLVES if is_known else _TRACED_SOLVES):
         before = solution.node_temperature

@@ -316,7 +316,7 @@ def _assemble_links(
         lambda: jax.tree.map(lambda size: device_array(size, k.dtype), sizes),
     )
     k_src, k_dst = conductivity_at_ends(structure, k)
-    columns = structure.columns()
+    columns = structure.columns
     if columns is not None:
         return column_network(
             structure,

@@ -79,7 +79,7 @@ def _network(
     if isinstance(structure, JoinedStructure):
         order = structure.found("sheet_links", lambda: _link_order(structure))
         conductance = conductance[order]
-    columns = structure.columns()
+    columns = structure.columns
     if columns is None:
         layout = structure.found("row_layout", lambda: _layout(structure))
         return row_network(layout, conductance, of_nodes(values.capacity))

@@ -48,7 +48,7 @@ def varying_links(
     if weights is not None:
         area = area * weights
 
-    columns = structure.columns()
+    columns = structure.columns
     outside = np.ones(structure.link_count)
     if columns is not None:
         outside[columns.link] = 0

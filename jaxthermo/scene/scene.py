@@ -3,6 +3,7 @@
 import abc
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import equinox as eqx
@@ -317,6 +318,12 @@ class Scene(Module):
     def _repr_html_(self) -> str:
         return html_of(self)
 
+    @cached_property
+    def is_traced(self) -> bool:
+        """True if any of its values is being differentiated, mapped or compiled."""
+        return is_traced(self)
+
+    @property
     def precision(self) -> AbstractContextManager:
         """Context in which arrays of the scene's type can be created.
 
@@ -325,7 +332,7 @@ class Scene(Module):
         """
         settings: Any = jax.config
         is_wider = self.dtype == "float64" and not settings.jax_enable_x64
-        if is_wider and (is_compiling() or is_traced(self)):
+        if is_wider and (is_compiling() or self.is_traced):
             raise InputError(
                 "Scene(dtype='float64') under jax.jit, grad or vmap: call "
                 "jax.config.update('jax_enable_x64', True) at the start of the program"

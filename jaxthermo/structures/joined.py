@@ -105,7 +105,7 @@ class JoinedStructure(AbstractStructure):
         return self.found("nodes of parts", self._nodes_of_parts)
 
     def _nodes_of_parts(self) -> list[Int[np.ndarray, " _"]]:
-        columns = [part.columns() for part in self.parts]
+        columns = [part.columns for part in self.parts]
         links = [None if layout is None else layout.link for layout in columns]
         layers = 0 if links[0] is None else len(links[0])
         counts = [0 if link is None else link.shape[1] for link in links]
@@ -179,10 +179,11 @@ class JoinedStructure(AbstractStructure):
 
         return self.found("joined links", join)
 
+    @property
     @override
     def columns(self) -> ColumnLayout | None:
         layouts = [
-            layout for part in self.parts if (layout := part.columns()) is not None
+            layout for part in self.parts if (layout := part.columns) is not None
         ]
         if not layouts:
             return None

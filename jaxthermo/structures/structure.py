@@ -209,6 +209,7 @@ class AbstractStructure(Module):
         key = (by, self.options) if identity and by is not None else None
         return found(identity, by=key, find=find, search=search)
 
+    @property
     def columns(self) -> ColumnLayout | None:
         """Chains of nodes through a depth that explicit steps eliminate; None for none.
 

@@ -8,7 +8,6 @@ from typing import Any
 import jax
 import numpy as np
 
-from ...arrays import is_traced
 from ...errors import InputError, require
 from ...scene.compile.traced_scene import changed_constants
 from ...scene.scene import Body, Scene
@@ -68,10 +67,10 @@ class CompiledSimulation:
                 solver=self.solver,
                 reverse_memory=self.reverse_memory,
             )
-            if not is_traced(scene):
+            if not scene.is_traced:
                 for line in changed_constants(self.scene, scene):
                     plan = plan._replace(compiled=with_note(plan.compiled, line))
-        with plan.scene.precision():
+        with plan.scene.precision:
             solution = run_plan(plan)
         for warning in solution.run.warnings:
             warnings.warn(warning, stacklevel=2)
@@ -113,7 +112,7 @@ def compile_simulation(
         ()
     """
     require(scene, classes=Scene, argument="compile_simulation(scene=)", give="a Scene")
-    if is_traced(scene):
+    if scene.is_traced:
         raise InputError(
             "compile_simulation: values of the scene are traced: compile it for known "
             "values, and call the result with traced ones"
@@ -124,7 +123,7 @@ def compile_simulation(
     )
     for warning in plan.compiled.receipt.warnings:
         warnings.warn(warning, stacklevel=2)
-    with scene.precision():
+    with scene.precision:
         compile_plan(plan)
     return CompiledSimulation(
         scene=scene,
@@ -137,7 +136,7 @@ def compile_simulation(
 
 
 def _planned(scene, t1, save_at, solver, reverse_memory) -> Plan:
-    with scene.precision():
+    with scene.precision:
         return plan_run(
             scene,
             t1=t1,

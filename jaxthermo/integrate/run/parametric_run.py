@@ -116,7 +116,7 @@ class ParametricRun:
 
     def _scheduled_plan(self, scene: Scene) -> Plan:
         """Plan with the steps of a scene whose numbers are known."""
-        with scene.precision():
+        with scene.precision:
             plan = plan_run(
                 scene,
                 t1=self.save_times[-1],
@@ -160,7 +160,7 @@ class ParametricRun:
 
     def __call__(self, scene: Scene, table: StepTable) -> ParametricSolution:
         """Run a scene that may hold traced values."""
-        with scene.precision():
+        with scene.precision:
             plan = self._traced_plan(scene)
             compiled = plan.compiled
             if self.reverse is not None:
@@ -206,7 +206,7 @@ class ParametricRun:
 
 
 def _longest_step(solver: AbstractSolver, scene: Scene, end: float) -> Float[Array, ""]:
-    with scene.precision():
+    with scene.precision:
         if math.isinf(solver.longest_stable_step(1.0)):
             return jnp.asarray(math.inf, scene.dtype)
         stable_step = compile_scene(scene, 1, end).stable_step

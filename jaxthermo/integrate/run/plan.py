@@ -228,7 +228,7 @@ def _compiled_for(
         return choice
     if control_error and end > 0:
         # To repeat a run until a condition holds takes known numbers.
-        if is_traced((scene, compiled)):
+        if scene.is_traced or is_traced(compiled):
             note = _NOT_ESTIMATED
             choice = choice._replace(note=note)
         else:
@@ -266,7 +266,7 @@ def _stepper(choice: _Choice, longest: float) -> AbstractStepper:
         compiled=choice.compiled,
         stable_step=choice.stable_step,
         max_dt=longest,
-        traced=is_traced(choice.scene),
+        traced=choice.scene.is_traced,
     )
 
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import jax
 
-from ...arrays import is_traced
 from ...errors import require
 from ...progress import Progress
 from ...scene.compile.on_devices import on_devices
@@ -98,7 +97,7 @@ def simulate(
         (2, 96)
     """
     require(scene, classes=Scene, argument="simulate(scene=)", give="a Scene")
-    with scene.precision():
+    with scene.precision:
         scene = on_devices(scene, devices)
         plan = plan_run(
             scene,
@@ -110,7 +109,7 @@ def simulate(
         )
         for warning in plan.compiled.receipt.warnings:
             warnings.warn(warning, stacklevel=2)
-        if progress is None or is_traced(scene):
+        if progress is None or scene.is_traced:
             solution = run_plan(plan)
         else:
             solution = _run_shown(plan, progress)
@@ -137,7 +136,7 @@ def run_plan(plan: Plan, takes_steps: bool = True) -> Solution:
     """
     if not plan.intervals:
         return make_solution(plan, None)
-    if is_traced(plan.scene):
+    if plan.scene.is_traced:
         return make_solution(plan, take_fixed_steps(plan, initial_state(plan)))
     passes = Passes()
     # One pass, or under error control passes of shorter and shorter steps.
@@ -206,5 +205,5 @@ def first_loop(plan: Plan, table: StepTable | None = None) -> FirstLoop:
 
 def compile_plan(plan: Plan) -> None:
     """Compile all programs of a run, by a run without steps."""
-    if plan.intervals and not is_traced(plan.scene):
+    if plan.intervals and not plan.scene.is_traced:
         run_plan(plan, takes_steps=False)

@@ -32,6 +32,7 @@ from ...physics.surface import BodySurface, Note, Omitted
 from ...physics.term import AbstractExchangeTerm
 from ...structures.sheet_report import sheet_notes, sheet_warnings
 from ..air import bodies_with_surface, check_airs
+from ..motion import Motion
 from ..scene import Scene, body_geometry, mechanism_names
 from .bodies import PreparedGroup, check_bodies, check_terms, prepare
 from .body_names import named_receipt, naming_bodies
@@ -157,7 +158,7 @@ def _bound(
         _bind, classes=classes, starts=starts, end=end, duration=duration, prune=prune
     )
     # Many snapshots would be one large program.
-    if len(starts) > 1 or _needs_numbers(scene) or is_traced(scene) or is_compiling():
+    if len(starts) > 1 or _needs_numbers(scene) or scene.is_traced or is_compiling():
         return bind(scene)
     terms = tuple(term.by_numbers for term in scene.terms)
     if any(map(operator.is_not, terms, scene.terms)):
@@ -370,7 +371,8 @@ def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
     """Increasing times from 0, each the start of a time in which nothing moves [s]."""
     times = {0.0}
     for body in scene.bodies:
-        times |= {t for t in body.pose.snapshot_times(end) if 0 < t < end}
+        if isinstance(body.pose, Motion):
+            times |= {t for t in body.pose.snapshot_times(end) if 0 < t < end}
     for term in scene.terms:
         if term.moves:
             times |= {t for t in term.snapshot_times(end) if 0 < t < end}

@@ -238,7 +238,7 @@ def _structure_form(structure: AbstractStructure) -> Hashable | None:
     """The same value for structures that may be joined; None for one by itself."""
     if structure.device_count > 1 or not structure.identity:
         return None
-    columns = structure.columns()
+    columns = structure.columns
     layers = 0 if columns is None else len(columns.link)
     if isinstance(structure, Sheet):
         return Sheet, layers

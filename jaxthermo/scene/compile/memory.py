@@ -301,7 +301,7 @@ def _counts(structure: AbstractStructure) -> _Parts:
     is_stencil = len(structure.state_shape) == 3
     cut = grid.cut_voxel_count
     values = int(np.prod(structure.state_shape, dtype=float))
-    columns = structure.columns()
+    columns = structure.columns
     # Those of a stencil would be counted among all its voxels, and are not needed.
     surface, links = (0, 0) if is_stencil else _surface_and_links(structure)
     return _Parts(

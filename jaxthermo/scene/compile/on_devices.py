@@ -7,7 +7,6 @@ fragments, is on every device.
 
 from dataclasses import replace
 
-from ...arrays import is_traced
 from ...errors import InputError
 from ...memo.found import found
 from ...parallel.devices import check_devices
@@ -28,7 +27,7 @@ def on_devices(scene: Scene, devices: int) -> Scene:
     check_devices(devices)
     if devices == 1:
         return scene
-    if is_traced(scene):
+    if scene.is_traced:
         raise InputError(
             f"devices={devices}: values of the scene are traced; derivatives, jit and "
             "vmap need one device: leave devices out"

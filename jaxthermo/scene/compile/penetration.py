@@ -115,7 +115,8 @@ def penetration_warnings(
         save_times: times that are saved [s].
     """
     saves = np.array([time for time in save_times if time > 0])
-    if not saves.size or is_traced((scene, compiled.programs)) or is_compiling():
+    is_known = not (scene.is_traced or is_traced(compiled.programs) or is_compiling())
+    if not saves.size or not is_known:
         return ()
     changes = {*compiled.breakpoints, *compiled.starts}
     inner = sorted(time for time in changes if 0 < time < saves[-1])

@@ -93,7 +93,7 @@ def with_time_values(
         save_times: saved times of the run, at which the integrals of functions are
             those of the functions themselves [s]; None to leave functions as they are.
     """
-    traced = is_traced(scene)
+    traced = scene.is_traced
     terms = []
     forms = []
     for number, term in enumerate(scene.terms):

@@ -228,6 +228,7 @@ class Sheet(AbstractStructure):
             distance_dst=np.append(half, no_distance),
         )
 
+    @property
     @override
     def columns(self) -> ColumnLayout | None:
         n = self.surface_cells

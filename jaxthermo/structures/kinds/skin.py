@@ -262,6 +262,7 @@ class Skin(AbstractVoxelStructure):
             distance_dst=np.append(to_inner, ends[1]),
         )
 
+    @property
     @override
     def columns(self) -> ColumnLayout:
         cell = np.arange(self._cell_count, dtype=np.int32)
