@@ -89,13 +89,13 @@ class JoinedStructure(AbstractStructure):
         grid = found(grids, by="joined grid", find=lambda: JoinedGrid(grids))
         return cls(grid, parts)
 
-    @property
+    @cached_property
     @override
     def identity(self) -> tuple[object, ...]:
         identities = [part.identity for part in self.parts]
         return sum(identities, ()) if all(identities) else ()
 
-    @property
+    @cached_property
     @override
     def options(self) -> Hashable:
         return type(self), *(part.options for part in self.parts)

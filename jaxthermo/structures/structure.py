@@ -9,6 +9,7 @@ import abc
 import dataclasses
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -192,7 +193,7 @@ class AbstractStructure(Module):
         """
         return ()
 
-    @property
+    @cached_property
     def options(self) -> Hashable:
         """Its class and options, on which its arrays depend, without weights."""
         excluded = ("grid", "built")

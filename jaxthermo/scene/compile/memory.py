@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ...host_memory import require_memory
-from ...memo.once import once
+from ...memo.found import found
 from ...parallel.devices import require_device_memory
 from ...sheets.sheet_grid import SheetGrid
 from ...structures.kinds.full import FullVolume
@@ -36,6 +36,8 @@ class _Parts(NamedTuple):
     faces: float = 0
     """Triangles of its mesh."""
     fragments: float = 0
+    read_fragments: float = 0
+    """Fragments, once for each device of the body."""
     surface_nodes: float = 0
     cut_voxels: float = 0
     values: float = 0
@@ -44,6 +46,8 @@ class _Parts(NamedTuple):
     """Values of a state whose lattice has cut voxels."""
     nodes: float = 0
     links: float = 0
+    varying_links: float = 0
+    """Links of materials that vary with temperature, where these are several."""
     column_cells: float = 0
     """Cells of columns through a thickness."""
 
@@ -132,6 +136,20 @@ class _MemoryForecast(NamedTuple):
         return self.retained + self.rows + max(self.steps + self.runtime, self.rows)
 
 
+class _Kind(NamedTuple):
+    """Properties of a body that the bytes for each of its parts depend on."""
+
+    network: Literal["stencil", "runs", "links", "links of voxels"]
+    is_mixed: bool
+    """True for several materials."""
+    is_joined: bool
+    """True if it conducts as one network with others."""
+    is_known: bool
+    """True if a body before it has the same grid."""
+    moves: bool
+    is_sheet: bool
+
+
 def forecast_memory(
     scene: Scene,
     saves: int,
@@ -144,40 +162,25 @@ def forecast_memory(
     `classes` are those of the bodies of the program, see `grouped_numbers`.
     """
     width = 8 if scene.dtype == "float64" else 4
-    joined = {
-        number
-        for numbers in grouped_numbers(scene, classes)
-        for number in numbers
-        if len(numbers) > 1
-    }
-    structures = [
-        as_links(body.structure) if number in joined else body.structure
-        for number, body in enumerate(scene.bodies)
-    ]
-    bodies = []
-    known: set[int] = set()
-    # Equal bodies share their structure.
-    body_forecast = once(_body_forecast)
-    for number, (body, structure) in enumerate(
-        zip(scene.bodies, structures, strict=True)
-    ):
-        forecast = body_forecast(
-            structure,
-            is_mixed=isinstance(body.material, AbstractMaterials),
-            varies=has_varying_links(body),
-            is_joined=number in joined,
-            is_known=id(structure.grid) in known,
+    counts_by_kind = found(
+        (scene,),
+        by=("parts of bodies", classes),
+        find=lambda: _counts_by_kind(scene, classes),
+    )
+    forecasts = [
+        _forecast_of_kind(
+            kind,
+            counts=counts,
             width=width,
             saves=saves,
             snapshots=snapshots,
-            moves=isinstance(body.pose, Motion),
             method=method,
         )
-        bodies.append(forecast)
-        known.add(id(structure.grid))
-    stencils = any(len(structure.state_shape) == 3 for structure in structures)
+        for kind, counts in counts_by_kind.items()
+    ]
+    stencils = any(kind.network == "stencil" for kind in counts_by_kind)
     allocator = _RUNTIME_STENCIL if stencils else 0
-    retained, steps, rows, runtime = np.sum(bodies, axis=0)
+    retained, steps, rows, runtime = np.array(forecasts).sum(axis=0)
     return _MemoryForecast(
         retained=int(retained),
         steps=int(steps),
@@ -186,8 +189,53 @@ def forecast_memory(
     )
 
 
-class _BodyForecast(NamedTuple):
-    """Memory of one body; see `_MemoryForecast`."""
+def _counts_by_kind(
+    scene: Scene, classes: tuple[int, ...] | None
+) -> dict[_Kind, _Parts]:
+    """Parts of all bodies of each kind together."""
+    joined = {
+        number
+        for numbers in grouped_numbers(scene, classes)
+        for number in numbers
+        if len(numbers) > 1
+    }
+    grids: set[int] = set()
+    counts: dict[_Kind, list[_Parts]] = {}
+    for number, body in enumerate(scene.bodies):
+        structure = body.structure
+        if number in joined:
+            structure = as_links(structure)
+        grid = structure.grid
+        kind = _Kind(
+            network=_network_of(structure),
+            is_mixed=isinstance(body.material, AbstractMaterials),
+            is_joined=number in joined,
+            is_known=id(grid) in grids,
+            moves=isinstance(body.pose, Motion),
+            is_sheet=isinstance(grid, SheetGrid),
+        )
+        grids.add(id(grid))
+        parts = _counts(structure)
+        if has_varying_links(body):
+            parts = parts._replace(varying_links=structure.link_count)
+        counts.setdefault(kind, []).append(parts)
+    return {
+        kind: _Parts(*np.array(parts).sum(axis=0)) for kind, parts in counts.items()
+    }
+
+
+def _network_of(
+    structure: AbstractStructure,
+) -> Literal["stencil", "runs", "links", "links of voxels"]:
+    if len(structure.state_shape) == 3:
+        return "stencil"
+    if not isinstance(structure, FullVolume):
+        return "links"
+    return "links of voxels" if structure.kernels is None else "runs"
+
+
+class _KindForecast(NamedTuple):
+    """Memory of the bodies of a kind; see `_MemoryForecast`."""
 
     retained: float
     steps: float
@@ -195,42 +243,34 @@ class _BodyForecast(NamedTuple):
     runtime: float
 
 
-def _body_forecast(
-    structure: AbstractStructure,
-    is_mixed: bool,
-    varies: bool,
-    is_joined: bool,
-    is_known: bool,
+def _forecast_of_kind(
+    kind: _Kind,
+    counts: _Parts,
     width: int,
     saves: int,
     snapshots: int,
-    moves: bool,
     method: Method,
-) -> _BodyForecast:
-    counts = structure.found("part_counts", lambda: _counts(structure))
+) -> _KindForecast:
     # What reads the fragments is on every device, and counted for all of them; what
     # steps evaluate is on the device of its section.
-    read = counts._replace(fragments=structure.device_count * counts.fragments)
-    is_full = isinstance(structure, FullVolume)
-    is_stencil = len(structure.state_shape) == 3
-    in_runs = isinstance(structure, FullVolume) and structure.kernels == "numba"
+    read = counts._replace(fragments=counts.read_fragments)
     runtime = 0.0
-    if is_stencil:
+    if kind.network == "stencil":
         retained = _KEPT_STENCIL.bytes_of(read)
-        if is_mixed:
+        if kind.is_mixed:
             retained += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
-        if is_known:
+        if kind.is_known:
             retained -= _KEPT_ONCE_STENCIL.bytes_of(counts)
         step_bytes = _STEPS_STENCIL[method]
         solves = _SOLVES_STENCIL
-    elif in_runs:
+    elif kind.network == "runs":
         retained = _KEPT_RUNS.bytes_of(read)
         # Solves have a form of their own (`for_solves`).
         step_bytes = _STEPS_RUNS.get(method, _STEPS_LINKS[method])
         solves = _SOLVES_LINKS
     else:
         retained = _KEPT_LINKS.bytes_of(read)
-        if is_full:
+        if kind.network == "links of voxels":
             retained += _KEPT_VOXEL_LINKS.bytes_of(counts)
         step_bytes = _STEPS_LINKS[method]
         solves = _SOLVES_LINKS
@@ -238,19 +278,18 @@ def _body_forecast(
         eliminated = _RUNTIME_COLUMNS.get(method, _Parts())
         runtime += eliminated.bytes_of(counts) * width / 4
     retained += solves.get(method, _Parts()).bytes_of(counts)
-    if is_joined:
+    if kind.is_joined:
         retained += _KEPT_JOINED.bytes_of(counts)
-    if is_joined and is_known:
+    if kind.is_joined and kind.is_known:
         retained -= _KEPT_ONCE.bytes_of(counts)
     kept_snapshot = _KEPT_SNAPSHOT
-    if moves:
+    if kind.moves:
         kept_snapshot = _KEPT_MOVED
-    elif isinstance(structure.grid, SheetGrid):
+    elif kind.is_sheet:
         kept_snapshot = _KEPT_SNAPSHOT_OF_SHEET
     retained += (snapshots - 1) * kept_snapshot.bytes_of(read)
-    if varies:
-        retained += structure.link_count * (8 * width + 8)
-    return _BodyForecast(
+    retained += counts.varying_links * (8 * width + 8)
+    return _KindForecast(
         retained=retained * (_KEPT_DOUBLE if width == 8 else 1),
         steps=step_bytes.bytes_of(counts) * width / 4,
         rows=int(read.fragments) * width * saves,
@@ -297,6 +336,13 @@ def with_memory_of(
 
 
 def _counts(structure: AbstractStructure) -> _Parts:
+    # Called on the class: a method of a module takes a pass over its leaves.
+    return AbstractStructure.found(
+        structure, "part_counts", lambda: _counts_of(structure)
+    )
+
+
+def _counts_of(structure: AbstractStructure) -> _Parts:
     grid = structure.grid
     is_stencil = len(structure.state_shape) == 3
     cut = grid.cut_voxel_count
@@ -307,6 +353,7 @@ def _counts(structure: AbstractStructure) -> _Parts:
     return _Parts(
         faces=len(grid.mesh.faces),
         fragments=len(grid.fragment_area),
+        read_fragments=structure.device_count * len(grid.fragment_area),
         surface_nodes=surface,
         cut_voxels=cut,
         values=values,
@@ -333,4 +380,4 @@ def has_varying_links(body: Body) -> bool:
     several = isinstance(material, AbstractMaterials)
     materials = material.materials if several else (material,)
     by_axis = any(isinstance(entry.conductivity, tuple) for entry in materials)
-    return any(entry.varies for entry in materials) and (several or by_axis)
+    return (several or by_axis) and any(entry.varies for entry in materials)

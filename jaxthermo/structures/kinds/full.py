@@ -78,7 +78,7 @@ class FullVolume(AbstractVoxelStructure):
     def device_count(self) -> int:
         return self.devices
 
-    @property
+    @cached_property
     @override
     def options(self) -> Hashable:
         # Weights run as links: their findings have positions of nodes, not of cells.

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Hashable
+from functools import cached_property
 from typing import NamedTuple
 
 import equinox as eqx
@@ -159,7 +160,7 @@ class Skin(AbstractVoxelStructure):
     def identity(self) -> tuple[object, ...]:
         return self.structure.identity
 
-    @property
+    @cached_property
     @override
     def options(self) -> Hashable:
         on = None if self.on is None else digest(self._fragments)
