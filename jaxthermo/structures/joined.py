@@ -245,4 +245,4 @@ class JoinedStructure(AbstractStructure):
 
     @override
     def _fragment_distance(self) -> Float[np.ndarray, " s"]:
-        return self._of_parts(lambda part: part.fragment_distance())
+        return self._of_parts(lambda part: part.fragment_distance)

@@ -256,9 +256,13 @@ class AbstractStructure(Module):
         del fragment, depth
         return node
 
+    @property
     def fragment_distance(self) -> Float[np.ndarray, " s"]:
         """Distance along the normal from each fragment down to its node [m]."""
-        return self.found("fragment_distance", self._fragment_distance)
+        # Called on the class: a method of a module takes a pass over its leaves.
+        return AbstractStructure.found(
+            self, "fragment_distance", lambda: self._fragment_distance()
+        )
 
     def _fragment_distance(self) -> Float[np.ndarray, " s"]:
         # Half a voxel to the fragment's voxel, or to where the surface is, and on from

@@ -382,7 +382,7 @@ class FluxCorrectedMap(AbstractSurfaceMap):
         offset = structure.fragment_offset()
         normal = structure.grid.fragment_normal
         along = np.maximum(np.einsum("si,si->s", offset, normal), 0)[:, None] * normal
-        outermost = structure.cell_depth() / structure.fragment_distance()
+        outermost = structure.cell_depth() / structure.fragment_distance
         flux_fraction = _FLUX_FRACTION * (1 - outermost)
         if self.at == "surface":
             flux_fraction = flux_fraction + outermost

@@ -100,7 +100,7 @@ def ball_nodes_error(cells, biot):
     fragment_node = structure.fragment_node()
     conductance = links.area / (links.distance_src + links.distance_dst)
     area = grid.fragment_area
-    half = structure.fragment_distance()
+    half = structure.fragment_distance
     loss = np.bincount(fragment_node, area / (half + 1 / biot), count)
     between = coo_array((conductance, (links.src, links.dst)), (count, count))
     between = (between + between.T).tocsr()

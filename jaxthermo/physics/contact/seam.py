@@ -190,7 +190,7 @@ class _Side:
 
     def _of_solid(self, strip: Float[Any, " p"]) -> _Cells:
         structure = self.structure
-        distance = structure.fragment_distance()[self.local]
+        distance = structure.fragment_distance[self.local]
         k = self.end.half_cell[self.fragment] * typed_array(
             distance / structure.grid.fragment_area[self.local], self.dtype
         )

@@ -269,7 +269,7 @@ class MaterialRows(NamedTuple):
         table = conductivity_table(self.materials, 0.0, dtype)
         normal = structure.grid.fragment_normal
         k = normal_conductivity(table[self.of_fragments], normal)
-        length = structure.grid.fragment_area / structure.fragment_distance()
+        length = structure.grid.fragment_area / structure.fragment_distance
         return k * length.astype(dtype)
 
 
@@ -413,7 +413,7 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
         assert material is not None
         k = surface_conductivity(material.at(reference), grid.fragment_normal, dtype)
     # Area over distance to the node [m].
-    return k * (grid.fragment_area / structure.fragment_distance()).astype(dtype)
+    return k * (grid.fragment_area / structure.fragment_distance).astype(dtype)
 
 
 class TemperatureBounds(NamedTuple):

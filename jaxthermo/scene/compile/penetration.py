@@ -38,7 +38,7 @@ from ...physics.time_varying import just_before
 from ...structures.kinds.sheet import Sheet
 from ...structures.kinds.skin import Skin
 from ...structures.structure import AbstractStructure
-from ..scene import AbstractMaterials, Body, Scene
+from ..scene import AbstractMaterials, Scene
 from .program import Compiled, Program
 
 
@@ -68,7 +68,7 @@ _MIN_SHARE = 1e-12
 
 
 class _OuterCells(NamedTuple):
-    """Outermost cells of a body, by fragment."""
+    """Outermost cells of all bodies, by fragment."""
 
     thickness: Float[np.ndarray, " s"]
     """Thickness a [m]."""
@@ -126,24 +126,8 @@ def penetration_warnings(
     program = compiled.program
     counts = [len(body.structure.grid.fragment_area) for body in scene.bodies]
     slices = consecutive(counts)
-    half_cell = _half_cells(program)
-    # Equal bodies share their structure, their material, or both.
-    thickness_of = once(_outer_thickness)
-    heat_capacities_of = once(_heat_capacities)
-    cells = {}
-    for group in program.bodies:
-        reference = float(np.asarray(group.reference).mean())
-        for number in group.numbers:
-            body = scene.bodies[number]
-            cells[number] = _outer_cells(
-                body,
-                thickness=thickness_of(body.structure),
-                heat_capacities=heat_capacities_of(body.material, reference),
-                half_cell=half_cell[slices[number]],
-            )
-    shallow = np.concatenate(
-        [cells[number].time > fastest for number in range(len(slices))]
-    )
+    cells = _outer_cells(scene, program)
+    shallow = cells.time > fastest
     if shallow.any():
         shallow &= _largest_drive(compiled, float(saves[-1])) > _MIN_ERROR
     if not shallow.any():
@@ -156,11 +140,10 @@ def penetration_warnings(
     )
     lines = []
     for number, body_loads in loads.items():
-        fragment = body_loads.fragment - slices[number].start
         line = _line(
             scene.bodies[number].structure,
-            thickness=float(cells[number].thickness[fragment]),
-            cell_time=float(cells[number].time[fragment]),
+            thickness=float(cells.thickness[body_loads.fragment]),
+            cell_time=float(cells.time[body_loads.fragment]),
             loads=body_loads,
             saves=_thinned(saves, _MAX_SAVES),
         )
@@ -184,49 +167,50 @@ def _half_cells(program: Program) -> Float[np.ndarray, " s"]:
     return half_cell
 
 
-def _outer_thickness(structure: AbstractStructure) -> Float[np.ndarray, " s"]:
-    """Thickness of the outermost cell below each fragment [m]."""
-    area = structure.grid.fragment_area
-    if not len(area):
-        return area
-    if isinstance(structure, Sheet):
-        return structure.face_cell_thickness(float)
-    return 2 * structure.fragment_distance()
+def _outer_cells(scene: Scene, program: Program) -> _OuterCells:
+    references = {}
+    for group in program.bodies:
+        mean = float(np.asarray(group.reference).mean())
+        references |= dict.fromkeys(group.numbers, mean)
+    # Bodies share materials.
+    heat_capacities_of = once(_heat_capacities)
+    areas = []
+    thicknesses = []
+    capacities = []
+    for number, body in enumerate(scene.bodies):
+        structure = body.structure
+        area = structure.grid.fragment_area
+        if not len(area):
+            continue
+        if isinstance(structure, Sheet):
+            thickness = structure.face_cell_thickness(float)
+            capacity = structure.face_capacity(float)
+        else:
+            thickness = 2 * structure.fragment_distance
+            # Only sheets have no material of their own, and air, which has no surface.
+            assert body.material is not None
+            by_material = heat_capacities_of(body.material, references[number])
+            if isinstance(body.material, AbstractMaterials):
+                by_material = by_material[body.material.of_fragments(structure.voxels)]
+            capacity = thickness * by_material
+        areas.append(area)
+        thicknesses.append(thickness)
+        capacities.append(capacity)
+    half_cell = _half_cells(program)
+    heat = 2 * np.concatenate(capacities) * np.concatenate(areas)
+    time = np.zeros(len(half_cell))
+    np.divide(heat, half_cell, out=time, where=half_cell > 0)
+    return _OuterCells(thickness=np.concatenate(thicknesses), time=time)
 
 
 def _heat_capacities(
-    material: Material | AbstractMaterials | None, temperature: float
+    material: Material | AbstractMaterials, temperature: float
 ) -> Float[np.ndarray, " m"]:
     """Heat capacity of each material of a solid body [J/(m^3 K)]."""
-    # Only a sheet has no material of its own.
-    if material is None:
-        return np.zeros(0)
     several = isinstance(material, AbstractMaterials)
     materials = material.materials if several else (material,)
     constant = [body_material.at(temperature) for body_material in materials]
     return np.array([float(entry.volumetric_heat_capacity) for entry in constant])
-
-
-def _outer_cells(
-    body: Body,
-    thickness: Float[np.ndarray, " s"],
-    heat_capacities: Float[np.ndarray, " m"],
-    half_cell: Float[np.ndarray, " s"],
-) -> _OuterCells:
-    structure = body.structure
-    area = structure.grid.fragment_area
-    if not len(area):
-        return _OuterCells(thickness=area, time=area)
-    if isinstance(structure, Sheet):
-        capacity = structure.face_capacity(float)
-    elif isinstance(body.material, AbstractMaterials):
-        number = body.material.of_fragments(structure.voxels)
-        capacity = thickness * heat_capacities[number]
-    else:
-        capacity = thickness * heat_capacities
-    time = np.zeros(len(area))
-    np.divide(2 * capacity * area, half_cell, out=time, where=half_cell > 0)
-    return _OuterCells(thickness=thickness, time=time)
 
 
 def _largest_drive(compiled: Compiled, end: float) -> Float[np.ndarray, " s"]:

@@ -348,7 +348,7 @@ def _bind(
     )
     surface = grid.fragment_foot[fragment]
     depth = ((surface - points) * grid.fragment_normal[fragment]).sum(axis=1)
-    at_surface = np.clip(1 - depth / structure.fragment_distance()[fragment], 0, 1)
+    at_surface = np.clip(1 - depth / structure.fragment_distance[fragment], 0, 1)
     # A fragment around a corner or across a gap says nothing about this point.
     far = np.linalg.norm(surface - points, axis=1) > 2 * grid.pitch + np.abs(depth)
     at_surface[far] = 0.0

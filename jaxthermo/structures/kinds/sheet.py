@@ -252,6 +252,7 @@ class Sheet(AbstractStructure):
         number = self.grid.fragment_surface_cell + np.where(at_back, last, 0)
         return number.astype(np.int32)
 
+    @property
     @override
     def fragment_distance(self) -> Float[np.ndarray, " s"]:
         # That of `fragment_depth`: a fragment is above its node.

@@ -216,7 +216,7 @@ class Skin(AbstractVoxelStructure):
         normal = self.grid.fragment_normal[division.fragment]
         foot = self.grid.fragment_foot[division.fragment]
         middle = division.edge[1:] / 2 + division.edge[:-1] / 2
-        length = self.structure.fragment_distance()[division.fragment]
+        length = self.structure.fragment_distance[division.fragment]
         centre = undivided.centre[hub] + (length - middle)[..., None] * normal
         location = foot - middle[..., None] * normal
         return Nodes(
@@ -312,8 +312,8 @@ class Skin(AbstractVoxelStructure):
     def cell_depth(self) -> Float[np.ndarray, " s"]:
         return np.where(
             self._division().column < 0,
-            np.minimum(self.structure.cell_depth(), self.fragment_distance()),
-            self.fragment_distance(),
+            np.minimum(self.structure.cell_depth(), self.fragment_distance),
+            self.fragment_distance,
         )
 
     @override
@@ -329,7 +329,7 @@ class Skin(AbstractVoxelStructure):
     @override
     def _fragment_distance(self) -> Float[np.ndarray, " s"]:
         division = self._division()
-        undivided = self.structure.fragment_distance()
+        undivided = self.structure.fragment_distance
         normal = self.grid.fragment_normal
         nearer = np.einsum("si,si->s", self._fragment_shift(), normal)
         distance = np.maximum(undivided - nearer, _MIN_LENGTH * undivided)
@@ -391,7 +391,7 @@ def _divide(
     hub = node[fragment]
     area = grid.fragment_area[fragment]
     normal = grid.fragment_normal[fragment]
-    length = structure.fragment_distance()[fragment]
+    length = structure.fragment_distance[fragment]
     total_area = np.bincount(hub, area, count)[hub]
     depth = np.minimum(length, node_volume[hub] / (2 * total_area))
     growth = np.cumsum(_RATIO ** np.arange(cells))

@@ -22,7 +22,7 @@ def _conductance(structure):
         np.add.at(matrix, (row, column), -through)
     grid = structure.grid
     node = structure.fragment_node()
-    half = grid.fragment_area / structure.fragment_distance()
+    half = grid.fragment_area / structure.fragment_distance
     ends = [np.where(grid.fragment_normal[:, 2] == sign, half, 0) for sign in (-1, 1)]
     low, high = (np.bincount(node, end, count) for end in ends)
     # One end at 1, the other at 0.

@@ -59,7 +59,7 @@ def test_a_voxel_below_one_fragment_is_divided_to_its_middle():
     assert length[2] == pytest.approx(middles[1] - middles[0] - 0.5, rel=1e-12)
     # From the surface to the next voxel's node, as without a skin.
     end = skin.fragment_node() == 0
-    outermost = skin.fragment_distance()[end][0] / PITCH
+    outermost = skin.fragment_distance[end][0] / PITCH
     assert outermost == pytest.approx(0.5 / 9.5, rel=1e-12)
     assert outermost + length[:4].sum() == pytest.approx(1.5, rel=1e-12)
 
@@ -71,10 +71,10 @@ def test_fragments_without_a_skin_reach_the_node_that_has_moved():
     on_end = normal @ np.array(END.normal) > 0.5
     opposite = normal @ np.array(END.normal) < -0.5
     assert (skin.fragment_node()[on_end] < 4).all()
-    assert_allclose(skin.fragment_distance()[opposite], PITCH / 4, rtol=1e-12)
+    assert_allclose(skin.fragment_distance[opposite], PITCH / 4, rtol=1e-12)
     links = skin.links()
     through = (links.distance_src + links.distance_dst)[[0, 4]].sum()
-    total = skin.fragment_distance()[on_end][0] + through + PITCH / 4
+    total = skin.fragment_distance[on_end][0] + through + PITCH / 4
     assert total == pytest.approx(PITCH, rel=1e-12)
 
 
