@@ -395,7 +395,7 @@ class Compiled:
     """Bounds of temperatures up to the end."""
     stable_rates: StableRates
     """Rates that limit the explicit steps of each group."""
-    stable_step: Float[Array, ""]
+    stable_step: Float[Any, ""]
     """Largest explicit step that is stable [s]; infinite without a limit."""
     notes: tuple[tuple[str, Note], ...]
     """Remarks on the validity of laws, with the mechanism of each."""

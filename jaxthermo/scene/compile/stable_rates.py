@@ -1,6 +1,7 @@
 """Rates that limit the explicit steps of a scene, by group of bodies."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -9,6 +10,7 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Array, Float, Int
 
+from ...arrays import namespace
 from ...network.columns import STABLE_FRACTION
 
 
@@ -24,23 +26,25 @@ class StableRates(Module):
     stiffest: Int[Array, " g"]
     """Number in the scene of the body whose node has the largest rate."""
 
-    def step(self, groups: tuple[int, ...]) -> Float[Array, ""]:
+    def step(self, groups: tuple[int, ...]) -> Float[Any, ""]:
         """Largest stable explicit step of some groups [s]; infinite without a limit."""
         # Up to this step every node's weight in its own next temperature is positive,
         # so that temperatures stay within their bounds; or, if that is longer, columns
         # spread what loads on their thin cells add.
+        xp = namespace(self)
         index = np.array(groups)
-        largest = self.at_nodes[index].max()
+        largest = xp.asarray(self.at_nodes)[index].max()
         if any(self.has_columns[group] for group in groups):
-            with_columns = self.with_columns[index].max()
-            largest = jnp.minimum(largest / STABLE_FRACTION, with_columns)
-        return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
+            with_columns = xp.asarray(self.with_columns)[index].max()
+            largest = xp.minimum(largest / STABLE_FRACTION, with_columns)
+        return xp.where(largest > 0, 1 / xp.where(largest > 0, largest, 1), xp.inf)
 
     @property
-    def stiffest_body(self) -> Int[Array, ""]:
+    def stiffest_body(self) -> Int[Any, ""]:
         """Number in the scene of the body that limits the stable step."""
-        is_short = [self.step((group,)) for group in range(len(self.has_columns))]
-        return self.stiffest[jnp.stack(is_short).argmin()]
+        xp = namespace(self)
+        steps = [self.step((group,)) for group in range(len(self.has_columns))]
+        return xp.asarray(self.stiffest)[xp.stack(steps).argmin()]
 
 
 def largest_rates(rates: Sequence[StableRates]) -> StableRates:
