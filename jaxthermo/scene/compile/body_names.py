@@ -54,6 +54,8 @@ def _with_names(line: str, names: Sequence[str]) -> str:
 def named_receipt(receipt: Receipt, scene: Scene) -> Receipt:
     """A receipt with the names of the bodies, in its lines too."""
     names = tuple(body.name for body in scene.bodies)
+    if not any(names):
+        return replace(receipt, body_names=names)
 
     def named(lines: Iterable[str]) -> tuple[str, ...]:
         return tuple(_with_names(line, names) for line in lines)
