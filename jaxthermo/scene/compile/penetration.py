@@ -303,7 +303,9 @@ def _strongest_loads(
     drive_of = {}
     for column, number in enumerate(fragments):
         drive = np.stack([first[:, column], last[:, column]], axis=1)
-        if not np.isfinite(drive).all():
+        # No error is larger than all changes of the load together.
+        changes = np.abs(np.diff(drive.ravel(), prepend=0.0)).sum()
+        if not _MIN_ERROR <= changes < math.inf:
             continue
         interval, is_last = np.unravel_index(np.abs(drive).argmax(), drive.shape)
         start = starts[interval]
