@@ -319,9 +319,14 @@ class Scene(Module):
         return html_of(self)
 
     @cached_property
+    def leaves(self) -> list[Any]:
+        """Its numbers, arrays and functions, as a pytree has them."""
+        return jax.tree.leaves(self)
+
+    @cached_property
     def is_traced(self) -> bool:
         """True if any of its values is being differentiated, mapped or compiled."""
-        return is_traced(self)
+        return is_traced(self.leaves)
 
     @property
     def precision(self) -> AbstractContextManager:
@@ -342,18 +347,16 @@ class Scene(Module):
     def _check_temperatures(self) -> None:
         for i, body in enumerate(self.bodies):
             check_temperature(body.temperature, f"bodies[{i}]: Body(temperature=)")
-            for leaf in jax.tree.leaves(body.material, is_leaf=_is_property):
-                if _is_property(leaf):
+            for leaf in jax.tree.leaves(
+                body.material, is_leaf=lambda node: isinstance(node, Property)
+            ):
+                if isinstance(leaf, Property):
                     argument = f"bodies[{i}]: Property(temperatures=)"
                     check_temperature(leaf.temperatures, argument)
         for i, term in enumerate(self.terms):
             for name, value in term.temperatures.items():
                 argument = f"terms[{i}]: {type(term).__name__}({name}=)"
                 check_temperature(value, argument)
-
-
-def _is_property(node: Any) -> bool:
-    return isinstance(node, Property)
 
 
 def _require_all(values: Any, cls: type, field: str, give: str) -> None:
@@ -421,12 +424,9 @@ class BodyGeometry:
         """
         if not self.is_two_sided:
             return self.faces
-        return found((self.faces,), "both sides", lambda: both_sides(self.faces))
-
-
-def both_sides(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
-    """Triangles, then the same ones wound the other way round."""
-    return np.concatenate([faces, faces[:, ::-1]])
+        # The same triangles wound the other way round.
+        both = [self.faces, self.faces[:, ::-1]]
+        return found((self.faces,), "both sides", lambda: np.concatenate(both))
 
 
 def body_geometry(

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Int
 
 from ...arrays import is_traced, namespace
+from ...material.material import Material
 from ...memo.found import found
 from ...memo.once import once
 from ...network.group_order import GroupOrder, group_order
@@ -168,8 +169,12 @@ def speed_classes(scene: Scene) -> tuple[int, ...]:
 
 
 def _speed_classes(scene: Scene) -> tuple[int, ...]:
+    # Many bodies share a material.
+    largest_diffusivity = once(_largest_diffusivity)
     rates = [
-        0.0 if form is None else _diffusion_rate(body)
+        0.0
+        if form is None or isinstance(body.structure, Sheet)
+        else largest_diffusivity(body.material) / body.structure.grid.pitch**2
         for body, form in zip(scene.bodies, _body_forms(scene), strict=True)
     ]
     slow = max(rates, default=0.0) / _SLOWER
@@ -182,21 +187,19 @@ def _speed_classes(scene: Scene) -> tuple[int, ...]:
     return tuple(int(is_one and nodes >= _SLOW_NODES) for is_one in is_slow)
 
 
-def _diffusion_rate(body: Body) -> float:
-    """Diffusivity over the square of the pitch [1/s]; 0 where it is not known."""
-    if isinstance(body.structure, Sheet) or is_traced(body.material):
+def _largest_diffusivity(solid: Material | AbstractMaterials | None) -> float:
+    """Largest diffusivity of constant materials [m^2/s]; 0 where it is not known."""
+    if is_traced(solid):
         return 0.0
     diffusivities = [
         np.max(material.conductivity) / (material.density * material.specific_heat)
-        for material in _materials(body)
+        for material in _materials(solid)
     ]
-    return float(max(diffusivities)) / body.structure.grid.pitch**2
+    return float(max(diffusivities))
 
 
-def _materials(body: Body) -> tuple:
-    if isinstance(body.material, AbstractMaterials):
-        return body.material.materials
-    return (body.material,)
+def _materials(solid: Any) -> tuple:
+    return solid.materials if isinstance(solid, AbstractMaterials) else (solid,)
 
 
 def _single(scene: Scene, number: int) -> BodyGroup:
@@ -224,10 +227,11 @@ def _body_forms(scene: Scene) -> tuple[Hashable | None, ...]:
     """The same value for bodies that may be joined; None for one by itself."""
 
     def find() -> tuple[Hashable | None, ...]:
-        # Equal bodies share their structure.
+        # Equal bodies share their structure and their material.
         structure_form = once(_structure_form)
+        is_varying = once(_is_varying)
         return tuple(
-            None if _is_varying(body) else structure_form(body.structure)
+            None if is_varying(body.material) else structure_form(body.structure)
             for body in scene.bodies
         )
 
@@ -252,12 +256,12 @@ def _structure_form(structure: AbstractStructure) -> Hashable | None:
     return AbstractVoxelStructure, layers
 
 
-def _is_varying(body: Body) -> bool:
+def _is_varying(solid: Material | AbstractMaterials | None) -> bool:
     """True if a material of a solid body varies with temperature."""
     # The layers of a sheet have its materials.
-    if body.material is None:
+    if solid is None:
         return False
-    return any(material.varies for material in _materials(body))
+    return any(material.varies for material in _materials(solid))
 
 
 def _has_no_effect(weights: ConductionWeights) -> bool:

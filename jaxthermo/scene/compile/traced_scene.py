@@ -63,7 +63,7 @@ def separate_numbers(scene: Scene) -> _SceneNumbers:
         form.append(_outline(body, without="structure"))
     positions = []
     numbers = []
-    for position, leaf in enumerate(jax.tree.leaves(scene)):
+    for position, leaf in enumerate(scene.leaves):
         array = _array(leaf)
         if array is None:
             form.append((type(leaf), leaf))
@@ -122,7 +122,7 @@ def changed_constants(original: Scene, changed: Scene) -> tuple[str, ...]:
     ]
     if positions[0] == positions[1]:
         return ()
-    first = jax.tree.leaves(original)
+    first = original.leaves
     named = jax.tree_util.tree_leaves_with_path(changed)
     if len(first) != len(named):
         return ()
