@@ -61,9 +61,19 @@ def separate_numbers(scene: Scene) -> _SceneNumbers:
         identity += objects
         form.append(structure_form(body.structure))
         form.append(_outline(body, without="structure"))
+    dtype = np.dtype(scene.dtype)
     positions = []
     numbers = []
     for position, leaf in enumerate(scene.leaves):
+        # Most leaves are single numbers.
+        if type(leaf) is float:
+            if leaf in (0, 1):
+                form.append(((), leaf))
+            else:
+                positions.append(position)
+                numbers.append(np.asarray(leaf, dtype))
+                form.append(())
+            continue
         array = _array(leaf)
         if array is None:
             form.append((type(leaf), leaf))
@@ -73,7 +83,7 @@ def separate_numbers(scene: Scene) -> _SceneNumbers:
             form.append((array.shape, float(array.flat[0])))
         else:
             positions.append(position)
-            numbers.append(array.astype(scene.dtype))
+            numbers.append(array.astype(dtype))
             form.append(array.shape)
     key = tuple(form)
     try:
