@@ -372,10 +372,10 @@ def _require_all(values: Any, cls: type, field: str, give: str) -> None:
 
 def mechanism_names(scene: Scene) -> tuple[str, ...]:
     """One name per term: its kind, numbered from the second of a kind on."""
-    names: list[str] = []
-    for term in scene.terms:
-        count = sum(name.split("#")[0] == term.name for name in names) + 1
-        names.append(term.name if count == 1 else f"{term.name}#{count}")
+    kinds = [term.name for term in scene.terms]
+    counts = [kinds[: n + 1].count(kind) for n, kind in enumerate(kinds)]
+    pairs = zip(kinds, counts, strict=True)
+    names = [kind if count == 1 else f"{kind}#{count}" for kind, count in pairs]
     return tuple(names)
 
 
