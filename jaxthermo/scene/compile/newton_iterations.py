@@ -47,18 +47,18 @@ def _iterations(programs: Sequence[Program], within: Forcing, end: float) -> int
     if any(terms.is_linear for terms in snapshots):
         return MAX_ITERATIONS
     first = programs[0]
-    entries = set(first.entries)
     iterations = []
     for body, cells in zip(first.bodies, first.fragments(), strict=True):
+        numbers = set(body.numbers)
         acting = {
-            k
-            for k, name in enumerate(snapshots[0].names)
-            if any((name, (number,)) in entries for number in body.numbers)
+            name
+            for name, ends in first.entries
+            if len(ends) == 1 and numbers.issuperset(ends)
         }
         reference = _references(body)
         bounds = once(partial(_bounds, cells, reference, within, end))
         for terms in snapshots:
-            natural = [(k, term) for k, term in terms.natural if k in acting]
+            natural = [(k, t) for k, t in terms.natural if terms.names[k] in acting]
             if all(term.law.is_linear for _, term in natural):
                 continue
             if not body.network.is_linear:
