@@ -177,6 +177,6 @@ def _leaves(value: Any) -> list[Any]:
 def on_device(tree: Any) -> Any:
     """A pytree with its arrays of numpy on the device, each once."""
     move = once(device_array)
-    return jax.tree.map(
-        lambda leaf: move(leaf) if isinstance(leaf, HOST) else leaf, tree
-    )
+    leaves, structure = jax.tree.flatten(tree)
+    moved = [move(leaf) if isinstance(leaf, HOST) else leaf for leaf in leaves]
+    return structure.unflatten(moved)

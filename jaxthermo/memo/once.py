@@ -20,8 +20,7 @@ def once(function: Callable[_P, _T]) -> Callable[_P, _T]:
     kept: list[object] = []
 
     def known(*args: _P.args, **kwargs: _P.kwargs) -> _T:
-        named = tuple((name, id(value)) for name, value in kwargs.items())
-        key = (*map(id, args), *named)
+        key = (*map(id, args), *kwargs, *map(id, kwargs.values()))
         if key not in results:
             results[key] = function(*args, **kwargs)
             kept.append((args, kwargs))
