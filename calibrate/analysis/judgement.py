@@ -22,7 +22,7 @@ _RARE = 1e-3
 """Probability that noise makes the true values fit worse than another end does."""
 
 
-class Judgement(NamedTuple):
+class _Judgement(NamedTuple):
     """Judgement of the values of a fit, and of the residuals that it left."""
 
     identified: Identified
@@ -39,7 +39,7 @@ def judge_values(
     uncertainties: Mapping[str, float],
     differences: tuple[str, ...] = (),
     ends: SearchEnds | None = None,
-) -> Judgement:
+) -> _Judgement:
     """Judge the values of a fit.
 
     Args:
@@ -75,7 +75,7 @@ def judge_values(
         alternatives=alternatives,
         doubt=_doubt(fit, misfit),
     )
-    return Judgement(
+    return _Judgement(
         identified,
         misfit=misfit,
         by_clusters=rows is not None and problem.has_enough_clusters(len(rows)),

@@ -43,7 +43,7 @@ _SAME_TEMPERATURE = 0.5
 """Difference of reflected temperatures that are the same [K]."""
 
 
-class StatedReflection(NamedTuple):
+class _StatedReflection(NamedTuple):
     """Emissivity below 1 that a camera was set to, and the reflection with it."""
 
     path: Path
@@ -52,13 +52,13 @@ class StatedReflection(NamedTuple):
     """[K]"""
 
 
-class ReadFrames(NamedTuple):
+class _ReadFrames(NamedTuple):
     """Frames of the views of one case."""
 
     frames: list[Float[np.ndarray, "_ _ _"]]
     """Frames of each view, [time, row, column] [K or W/(m^2 sr)]."""
     masks: Masks
-    stated: list[StatedReflection]
+    stated: list[_StatedReflection]
     """Settings that the files state."""
 
 
@@ -68,7 +68,7 @@ def read_measured(
     frame_quantity: FrameQuantity,
     *,
     allow_extreme_temperatures: bool = False,
-) -> ReadFrames:
+) -> _ReadFrames:
     """Read the frames and masks of a case, whose pixels are not checked.
 
     Args:
@@ -85,7 +85,7 @@ def read_measured(
     if not views:
         raise InputError(f"reference: frames: there are none for the case {name}")
     reader = _Reader(settings, frame_quantity, allow_extreme_temperatures)
-    return ReadFrames(
+    return _ReadFrames(
         frames=[reader.frames(view) for view in views],
         masks=[_read_mask(view.mask or settings.mask) for view in views],
         stated=reader.stated,
@@ -93,7 +93,7 @@ def read_measured(
 
 
 def check_stated(
-    stated: list[StatedReflection],
+    stated: list[_StatedReflection],
     surfaces: tuple[SolvedSurface, ...],
     terms: tuple[AbstractTerm, ...],
     settings: MeasuredFrames,
@@ -158,7 +158,7 @@ class _Reader:
         self._settings = settings
         self._frame_quantity = frame_quantity
         self._allow_extreme_temperatures = allow_extreme_temperatures
-        self.stated: list[StatedReflection] = []
+        self.stated: list[_StatedReflection] = []
 
     def frames(self, view: FramesOfCase) -> Float[np.ndarray, "t h w"]:
         frames = [frame for path in view.files for frame in self._frames_in(path)]
@@ -201,7 +201,7 @@ class _Reader:
             for thermogram in read_counts(path, build(settings.flir))
         ]
         self.stated += [
-            StatedReflection(
+            _StatedReflection(
                 path=path,
                 emissivity=thermogram.emissivity,
                 reflected_temperature=thermogram.reflected_temperature,

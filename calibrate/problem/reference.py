@@ -268,7 +268,7 @@ def _runs(
                 settings=settings,
                 size=factor / (refinement or _FINER_THROUGH),
             )
-            structure = structure_kind(refined_config.bodies[0]).replace("_", " ")
+            structure = _structure_kind(refined_config.bodies[0]).replace("_", " ")
             announce = functools.partial(log, f"running {structure} of {millimetres}")
             solution, cost = _stored_run(refined_config, step=None, log=announce)
             if finer is not None:
@@ -290,7 +290,7 @@ def read_at_surface(scene: Scene) -> Scene:
     return replace(scene, bodies=tuple(bodies))
 
 
-def structure_kind(body: BodyConfig) -> str:
+def _structure_kind(body: BodyConfig) -> str:
     """Kind of the structure of a body, which may be a sheet."""
     return body.structure.kind if body.wall is None else "sheet"
 
@@ -375,7 +375,7 @@ def _run_with_cost(config: SceneConfig, step: float | None) -> _ReferenceRun:
         warnings.simplefilter("always")
         solution = _run(config, step)
     cost: RunCost = {
-        "structure": structure_kind(config.bodies[0]),
+        "structure": _structure_kind(config.bodies[0]),
         "pitch_m": [surface.geometry.pitch for surface in solution.surfaces],
         "nodes": solution.receipt.nodes,
         "steps": solution.run.steps,

@@ -59,7 +59,7 @@ def _ids_of(outcomes: Sequence[Outcome], verdict: str) -> list[str]:
     return [o.case.id for o in outcomes if o.verdict == verdict]
 
 
-def summary(outcomes: Sequence[Outcome]) -> str:
+def _summary(outcomes: Sequence[Outcome]) -> str:
     """The number of cases that pass, and the ids of the others."""
     text = f"{len(_ids_of(outcomes, PASS))} of {len(outcomes)} cases pass"
     for words, verdict in (("failed", FAIL), ("only reported", REPORTED)):
@@ -86,7 +86,7 @@ def write_report(
     outcomes = [outcome for _, of_group in results for outcome in of_group]
     took_words = "" if took is None else f" Everything took {took:.0f} s."
     sections: list[page.Section] = [
-        f"{summary(outcomes)}.{took_words}",
+        f"{_summary(outcomes)}.{took_words}",
         *texts.introduction,
     ]
     failed = [outcome for outcome in outcomes if outcome.verdict == FAIL]
@@ -384,7 +384,7 @@ def run_cases(
         # After an interrupt the cases that have not begun would run to their end.
         pool.shutdown(cancel_futures=True)
     outcomes = [outcome for _, of_group in results for outcome in of_group]
-    console.print(summary(outcomes), soft_wrap=False)
+    console.print(_summary(outcomes), soft_wrap=False)
     took = time.perf_counter() - begin
     write_report(results, path=folder / "report.html", texts=texts, took=took)
     row_verdicts = [row.verdict for outcome in outcomes for row in outcome.rows]

@@ -37,7 +37,7 @@ _WARM = 340.0  # [K]
 _GRAVITY = 9.80665  # [m/s^2]
 
 
-class Film(NamedTuple):
+class _Film(NamedTuple):
     """Air between a warm surface and its surroundings."""
 
     viscosity: float
@@ -48,11 +48,11 @@ class Film(NamedTuple):
 
 
 @functools.cache
-def film() -> Film:
+def film() -> _Film:
     """Properties of the film."""
     with precision("float64"):
         kelvin = jnp.asarray((AIR + _WARM) / 2)
-        return Film(
+        return _Film(
             float(kinematic_viscosity(kelvin)),
             conductivity=float(conductivity(kelvin)),
             prandtl=float(prandtl(kelvin)),
@@ -79,7 +79,7 @@ def rayleigh(length: float) -> float:
     return buoyancy * length**3 * film().prandtl / film().viscosity ** 2
 
 
-def reynolds(speed: float, length: float) -> float:
+def _reynolds(speed: float, length: float) -> float:
     """Reynolds number of a speed [m/s] and a length [-]."""
     return speed * length / film().viscosity
 
@@ -116,7 +116,7 @@ def kramers_cylinder(re: float) -> float:
     return 0.42 * pr**0.20 + 0.57 * pr**0.33 * re**0.5
 
 
-def coefficient(term: Any, grid: jt.VoxelGrid, axis: int | None) -> float:
+def _coefficient(term: Any, grid: jt.VoxelGrid, axis: int | None) -> float:
     """Mean h of a warm body [W/(m^2 K)], without the ends across an axis."""
     count = len(grid.fragment_area)
     body = BodySurface(
@@ -158,7 +158,7 @@ def upright_cylinders() -> Iterator[Comparison]:
     diameter = 0.1743
     for height in (0.2, 0.5, 0.8, 1.3, 2.6):
         grid = jt.voxelize(jt.shapes.cylinder(diameter / 2, height), diameter / 8)
-        h = coefficient(term, grid, axis=2)
+        h = _coefficient(term, grid, axis=2)
         yield _comparison(h, height, rayleigh(height), griffiths_davis)
 
 
@@ -168,7 +168,7 @@ def lying_cylinders() -> Iterator[Comparison]:
         axis = jt.Cylinder((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), diameter)
         term = jt.FreeConvection(AIR, cylinders=(axis,))
         mesh = jt.shapes.cylinder(diameter / 2, 3 * diameter)
-        h = coefficient(term, jt.voxelize(mesh, diameter / 8), axis=2)
+        h = _coefficient(term, jt.voxelize(mesh, diameter / 8), axis=2)
         yield _comparison(h, diameter, rayleigh(diameter), morgan)
 
 
@@ -178,8 +178,8 @@ def spheres_in_wind() -> Iterator[Comparison]:
     grid = jt.voxelize(jt.shapes.sphere(diameter / 2), diameter / 8)
     for speed in (0.05, 0.2, 1.0, 3.0):
         term = jt.Wind((speed, 0.0, 0.0), AIR, body_shape="sphere")
-        h = coefficient(term, grid, axis=None)
-        number = reynolds(speed, diameter)
+        h = _coefficient(term, grid, axis=None)
+        number = _reynolds(speed, diameter)
         yield _comparison(h, diameter, number, kramers_sphere)
 
 
@@ -190,6 +190,6 @@ def cylinders_in_wind() -> Iterator[Comparison]:
     grid = jt.voxelize(mesh, diameter / 8)
     for speed in (0.1, 0.5, 2.0, 8.0):
         term = jt.Wind((speed, 0.0, 0.0), AIR, body_shape="cylinder")
-        h = coefficient(term, grid, axis=2)
-        number = reynolds(speed, diameter)
+        h = _coefficient(term, grid, axis=2)
+        number = _reynolds(speed, diameter)
         yield _comparison(h, diameter, number, kramers_cylinder)

@@ -87,7 +87,7 @@ _ROWS = """
 _ABSORBED, _SKY, _AIR, _WIND, _GROUND = np.loadtxt(io.StringIO(_ROWS), unpack=True)
 
 
-def scene(stack: str) -> jt.Scene:
+def _scene(stack: str) -> jt.Scene:
     """Level ground of a stack, whose days are all alike."""
 
     def table(values: Float[np.ndarray, " t"]) -> jt.Table:
@@ -123,7 +123,7 @@ def measured() -> Float[np.ndarray, " t"]:
 
 def errors(stack: str) -> Float[np.ndarray, " t"]:
     """Computed less measured temperatures of the ground on the last day [K]."""
-    ground = scene(stack)
+    ground = _scene(stack)
     saves = _TIME[-len(_AIR) :]
     solver = jt.SuperTimeStepping(dt=_STEP)
     solution = jt.simulate(ground, float(saves[-1]), saves.tolist(), solver=solver)

@@ -27,7 +27,7 @@ _STEP = 2.5  # [s]
 _EMISSIVITY = 0.9
 
 
-class Exposure(NamedTuple):
+class _Exposure(NamedTuple):
     """Measured temperatures of a plate, with the heater on and then away."""
 
     irradiance: float
@@ -45,7 +45,7 @@ class Exposure(NamedTuple):
         return int(np.searchsorted(self.time, self.off)) - 1
 
 
-WEAK = Exposure(
+WEAK = _Exposure(
     25e3,
     off=1305.0,
     time=(
@@ -57,7 +57,7 @@ WEAK = Exposure(
         *(425.3, 285.2, 211.2, 165.8, 133.7, 90.6, 64.6, 43.2),
     ),
 )
-STRONG = Exposure(
+STRONG = _Exposure(
     75e3,
     off=1157.0,
     time=(15, 30, 60, 120, 180, 240, 300, 600, 1140, 1200, 1260, 1320, 1380, 1440),
@@ -84,7 +84,7 @@ WOOL = jt.Material(
 )
 
 
-def scene(exposure: Exposure) -> jt.Scene:
+def scene(exposure: _Exposure) -> jt.Scene:
     """Plate and wool as one solid, whose sides and bottom exchange no heat.
 
     The metal is a layer of voxels of its mass; its resistance is negligible.
@@ -112,7 +112,7 @@ def scene(exposure: Exposure) -> jt.Scene:
     return jt.Scene((body,), terms, dtype="float64")
 
 
-def errors(exposure: Exposure) -> Float[np.ndarray, " t"]:
+def errors(exposure: _Exposure) -> Float[np.ndarray, " t"]:
     """Computed less measured temperatures at the times of an exposure [K]."""
     plate = scene(exposure)
     solver = jt.SuperTimeStepping(dt=_STEP)

@@ -35,7 +35,7 @@ from .thermocouple import fragment_of, thermocouple
 _SOLVER = jt.SuperTimeStepping(dt=60.0, stages=5)
 
 
-class CellHeat(jt.AbstractVolumeTerm):
+class _CellHeat(jt.AbstractVolumeTerm):
     """Sunlight that the cells of a module absorb, a E over its thickness [W/m^3]."""
 
     name = "cell_heat"
@@ -51,7 +51,7 @@ class CellHeat(jt.AbstractVolumeTerm):
         return VolumeBinding(np.asarray(structure.nodes().volume), density)
 
 
-def power(columns: Columns) -> Float[np.ndarray, " t"]:
+def _power(columns: Columns) -> Float[np.ndarray, " t"]:
     """Electric power by area [W/m^2]."""
     if "electric_power_W" in columns:
         return columns["electric_power_W"] / MODULE_AREA
@@ -75,7 +75,7 @@ def flat_plate(columns: Columns, is_buoyant: bool) -> tuple[AbstractTerm, ...]:
     return (wind, still) if is_buoyant else (wind,)
 
 
-def sky_kelvin(columns: Columns, law: str) -> Float[np.ndarray, " t"]:
+def _sky_kelvin(columns: Columns, law: str) -> Float[np.ndarray, " t"]:
     """Temperature of the sky by `swinbank` or `berdahl_martin` [K]."""
     air = kelvin(columns["air_temperature_C"])
     if law == "swinbank":
@@ -103,11 +103,11 @@ def scene(
     )
     light = np.maximum(columns["irradiance_plane_W_m2"], 0.0) / thickness
     terms = (
-        CellHeat(ABSORPTANCE, _table(columns, light)),
-        jt.HeatSource(_table(columns, -power(columns) / thickness)),
+        _CellHeat(ABSORPTANCE, _table(columns, light)),
+        jt.HeatSource(_table(columns, -_power(columns) / thickness)),
         *wind,
         jt.Surroundings(
-            _table(columns, sky_kelvin(columns, sky)), ground=_table(columns, air)
+            _table(columns, _sky_kelvin(columns, sky)), ground=_table(columns, air)
         ),
     )
     return jt.Scene((body,), terms, dtype="float64")

@@ -40,7 +40,7 @@ _SUN_TIMES = 720
 """Values of the sunlight in a lunation."""
 
 
-class Site(NamedTuple):
+class _Site(NamedTuple):
     """A place on the Moon."""
 
     name: str
@@ -52,9 +52,9 @@ class Site(NamedTuple):
     """Depth of a probe in the ground [m]."""
 
 
-EQUATOR = Site("equator", 0.0, albedo=0.12, depth=0.5)
-APOLLO_15 = Site("Apollo 15", 26.0, albedo=0.07, depth=0.83)
-APOLLO_17 = Site("Apollo 17", 20.0, albedo=0.07, depth=0.13)
+EQUATOR = _Site("equator", 0.0, albedo=0.12, depth=0.5)
+APOLLO_15 = _Site("Apollo 15", 26.0, albedo=0.07, depth=0.83)
+APOLLO_17 = _Site("Apollo 17", 20.0, albedo=0.07, depth=0.13)
 SITES = (EQUATOR, APOLLO_15, APOLLO_17)
 
 UNCERTAINTY = 5.0  # [K], of each number below
@@ -85,7 +85,7 @@ APOLLO_MEANS = {
 """Means over a lunation [K]."""
 
 
-class Day(NamedTuple):
+class _Day(NamedTuple):
     """One lunation of one site, from noon to noon."""
 
     hour: Float[np.ndarray, " t"]
@@ -130,7 +130,7 @@ def packed(depth: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     return depth - 700.0 / _DENSITY * _SCALE * (1 - _looseness(depth))
 
 
-def link_weight(depth: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+def _link_weight(depth: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """k_z rho at depths over that of the surface [-].
 
     By the packed thickness m, with dm = rho / rho_d dz, the ground is of one density:
@@ -169,11 +169,11 @@ def columns(count: int, pitch: float) -> jt.FullVolume:
     height = bare.nodes().centre[:, 2]
     face = -(height[links.src] + height[links.dst]) / 2
     depths = np.linspace(0.0, 2 * _DEPTH, 20_001)
-    weight = link_weight(np.interp(face, packed(depths), depths))
+    weight = _link_weight(np.interp(face, packed(depths), depths))
     return jt.FullVolume(grid, weights=jt.ConductionWeights(links=weight))
 
 
-def sunlight(site: Site, time: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+def sunlight(site: _Site, time: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     """Absorbed sunlight (1 - A) S cos i of level ground [W/m^2]; noon at time 0."""
     turned = np.cos(2 * np.pi * time / LUNATION)
     height = np.maximum(np.cos(np.radians(site.latitude)) * turned, 0.0)
@@ -183,7 +183,7 @@ def sunlight(site: Site, time: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t
     return (1 - albedo) * _SOLAR_CONSTANT * height
 
 
-def scene(sites: tuple[Site, ...], pitch: float, lunations: int) -> jt.Scene:
+def _scene(sites: tuple[_Site, ...], pitch: float, lunations: int) -> jt.Scene:
     """A column of regolith for each site, all of one body; they start at noon."""
     structure = columns(len(sites), pitch)
     bottom, top = structure.grid.mesh.bounds[:, 2]
@@ -214,13 +214,13 @@ def scene(sites: tuple[Site, ...], pitch: float, lunations: int) -> jt.Scene:
 
 
 def last_days(
-    sites: tuple[Site, ...] = SITES, pitch: float = 4e-3, lunations: int = 40
-) -> tuple[Day, ...]:
+    sites: tuple[_Site, ...] = SITES, pitch: float = 4e-3, lunations: int = 40
+) -> tuple[_Day, ...]:
     """The last of several lunations, of each site."""
     hour = np.linspace(12.0, 36.0, 193)
     saves = (lunations - 1 + (hour - 12.0) / 24.0) * LUNATION
     solver = jt.SuperTimeStepping(dt=LUNATION / _SUN_TIMES)
-    moon = scene(sites, pitch, lunations)
+    moon = _scene(sites, pitch, lunations)
     solution = jt.simulate(moon, float(saves[-1]), saves.tolist(), solver=solver)
     grid = moon.bodies[0].structure.grid
     tops = np.flatnonzero(grid.fragment_normal[:, 2] > 0.5)
@@ -228,5 +228,6 @@ def last_days(
     surface = np.asarray(solution.surface_temperature)[:, tops]
     ground = np.asarray(jt.probe(solution))
     return tuple(
-        Day(hour, surface=surface[:, n], ground=ground[:, n]) for n in range(len(sites))
+        _Day(hour, surface=surface[:, n], ground=ground[:, n])
+        for n in range(len(sites))
     )

@@ -32,20 +32,20 @@ WINDOWS = (1.0, 3.0, 6.0, 12.0, 24.0)
 _Series = Float[np.ndarray, " t"]
 
 
-def vapour_pressure(columns: Columns) -> _Series:
+def _vapour_pressure(columns: Columns) -> _Series:
     """Pressure of the water vapour [hPa] (Magnus, with the numbers of Sonntag 1990)."""
     air = columns["air_degC"]
     saturated = 6.112 * np.exp(17.62 * air / (243.12 + air))
     return np.maximum(columns["relative_humidity_percent"], 1.0) / 100 * saturated
 
 
-def dew_point(columns: Columns) -> _Series:
+def _dew_point(columns: Columns) -> _Series:
     """Dew point [K]."""
-    logarithm = np.log(vapour_pressure(columns) / 6.112)
+    logarithm = np.log(_vapour_pressure(columns) / 6.112)
     return 243.12 * logarithm / (17.62 - logarithm) + ZERO_CELSIUS
 
 
-def cover(columns: Columns, window: float) -> _Series:
+def _cover(columns: Columns, window: float) -> _Series:
     """Cover of the sky by clouds [-], from the light within half a window [h] around.
 
     At night it is interpolated between the evening and the morning.
@@ -59,11 +59,11 @@ def cover(columns: Columns, window: float) -> _Series:
 
 def _brutsaert(columns: Columns) -> _Series:
     air = kelvin(columns["air_degC"])
-    return 1.24 * (vapour_pressure(columns) / air) ** (1 / 7)
+    return 1.24 * (_vapour_pressure(columns) / air) ** (1 / 7)
 
 
 def _prata(columns: Columns) -> _Series:
-    water = 46.5 * vapour_pressure(columns) / kelvin(columns["air_degC"])
+    water = 46.5 * _vapour_pressure(columns) / kelvin(columns["air_degC"])
     return 1 - (1 + water) * np.exp(-np.sqrt(1.2 + 3.0 * water))
 
 
@@ -74,7 +74,7 @@ def _emissivity(sky: _Series, columns: Columns) -> _Series:
 def _berdahl_martin(columns: Columns) -> _Series:
     hour = columns["time_s"] / 3600 % 24
     air = kelvin(columns["air_degC"])
-    return _emissivity(clear_sky_temperature(air, dew_point(columns), hour), columns)
+    return _emissivity(clear_sky_temperature(air, _dew_point(columns), hour), columns)
 
 
 def _swinbank(columns: Columns) -> _Series:
@@ -124,7 +124,7 @@ CLOUDS: dict[str, Callable[[_Series, _Series], _Series]] = {
 
 def errors(columns: Columns) -> dict[tuple[str, str, float], _Series]:
     """Computed less measured long wave [W/m^2] of pairs of laws, with each window."""
-    covers = {window: cover(columns, window) for window in WINDOWS}
+    covers = {window: _cover(columns, window) for window in WINDOWS}
     black = STEFAN_BOLTZMANN * kelvin(columns["air_degC"]) ** 4
     measured = columns["longwave_horizontal_W_m2"]
     return {

@@ -44,7 +44,7 @@ _MAX_SHORT_STEPS = 2000
 _STEPS = 64
 
 
-class Loads(NamedTuple):
+class _Loads(NamedTuple):
     """Terms of a scene, and the temperatures that they can lead to."""
 
     terms: tuple[AbstractTerm, ...]
@@ -55,7 +55,7 @@ class Loads(NamedTuple):
     """Largest q''' / (rho c) of heat sources [K/s]."""
 
 
-class Draw(NamedTuple):
+class _Draw(NamedTuple):
     """Random numbers of a scene, and what terms depend on."""
 
     random: np.random.Generator
@@ -90,16 +90,16 @@ class Draw(NamedTuple):
         return heat_capacity * self.uniform(1.0, 80.0) / self.end
 
 
-def _in_heat(draw: Draw) -> Loads:
+def _in_heat(draw: _Draw) -> _Loads:
     """A heat flux on one side, in air."""
     air = draw.temperature()
     heat_flux = draw.uniform(50.0, 1500.0)
     top = jt.Side((0.0, 0.0, 1.0))
     terms = (jt.Convection(draw.h, air), jt.HeatFlux(heat_flux, on=top))
-    return Loads(terms, (air, air + heat_flux / draw.h))
+    return _Loads(terms, (air, air + heat_flux / draw.h))
 
 
-def _between_gases(draw: Draw) -> Loads:
+def _between_gases(draw: _Draw) -> _Loads:
     """Hot and cold gas on two sides."""
     hot = draw.uniform(400.0, 773.0)
     cold = draw.temperature()
@@ -107,74 +107,74 @@ def _between_gases(draw: Draw) -> Loads:
         jt.Convection(draw.h, hot, on=jt.Side((0.0, 0.0, 1.0))),
         jt.Convection(2.0 * draw.h, cold, on=jt.Side((0.0, 0.0, -1.0))),
     )
-    return Loads(terms, (hot, cold))
+    return _Loads(terms, (hot, cold))
 
 
-def _in_air(draw: Draw) -> Loads:
+def _in_air(draw: _Draw) -> _Loads:
     """Air."""
     air = draw.temperature()
-    return Loads((jt.Convection(draw.h, air),), (air,))
+    return _Loads((jt.Convection(draw.h, air),), (air,))
 
 
-def _radiating(draw: Draw) -> Loads:
+def _radiating(draw: _Draw) -> _Loads:
     """Air, and surroundings of another temperature."""
     air = draw.temperature()
     surroundings = draw.uniform(230.0, 600.0)
     terms = (jt.Convection(draw.h, air), jt.Surroundings(surroundings))
-    return Loads(terms, (air, surroundings))
+    return _Loads(terms, (air, surroundings))
 
 
-def _in_sun(draw: Draw) -> Loads:
+def _in_sun(draw: _Draw) -> _Loads:
     """Air, surroundings and sun."""
     radiating = _radiating(draw)
     irradiance = draw.uniform(100.0, 1000.0)
     sun = jt.Sun((-1.0, -0.5, -1.0), irradiance)
     sunlit = radiating.temperatures[0] + irradiance / draw.h
-    return Loads((*radiating.terms, sun), (*radiating.temperatures, sunlit))
+    return _Loads((*radiating.terms, sun), (*radiating.temperatures, sunlit))
 
 
-def _held(draw: Draw) -> Loads:
+def _held(draw: _Draw) -> _Loads:
     """A side of prescribed temperature, in air."""
     air = draw.temperature()
     prescribed = draw.uniform(250.0, 700.0)
     side = jt.Side((1.0, 0.0, 0.0))
     terms = (jt.Convection(draw.h, air), jt.FixedTemperature(prescribed, on=side))
-    return Loads(terms, (air, prescribed))
+    return _Loads(terms, (air, prescribed))
 
 
-def _with_source(draw: Draw) -> Loads:
+def _with_source(draw: _Draw) -> _Loads:
     """A heat source in one half of the first body, in air."""
     air = draw.temperature()
     density = draw.heat_source()
     half = jt.Region((-1.0, -1.0, -1.0), (0.0, 1.0, 1.0))
     terms = (jt.Convection(draw.h, air), jt.HeatSource(density, within=half))
     heating_rate = density / float(draw.materials[0].volumetric_heat_capacity)
-    return Loads(terms, (air,), heating_rate)
+    return _Loads(terms, (air,), heating_rate)
 
 
-def _in_changing_air(draw: Draw) -> Loads:
+def _in_changing_air(draw: _Draw) -> _Loads:
     """Air whose temperature changes in time."""
     air = draw.table(250.0, 400.0)
-    return Loads((jt.Convection(draw.h, air),), tuple(map(float, air.values)))
+    return _Loads((jt.Convection(draw.h, air),), tuple(map(float, air.values)))
 
 
-def _in_changing_heat(draw: Draw) -> Loads:
+def _in_changing_heat(draw: _Draw) -> _Loads:
     """A heat flux that changes in time, in air, with surroundings."""
     radiating = _radiating(draw)
     heat_flux = draw.table(0.0, 1500.0)
     heated = radiating.temperatures[0] + float(np.max(heat_flux.values)) / draw.h
     terms = (*radiating.terms, jt.HeatFlux(heat_flux, on=jt.Side((0.0, 0.0, 1.0))))
-    return Loads(terms, (*radiating.temperatures, heated))
+    return _Loads(terms, (*radiating.temperatures, heated))
 
 
-class Form(NamedTuple):
+class _Form(NamedTuple):
     """Shapes, structure and terms, which scenes of the same programs share."""
 
     name: str
     shapes: tuple[tuple[int, int, int], ...]
     """Voxels of each body; the second one stands on the first one's side +x."""
     structure: Callable[[jt.VoxelGrid], AbstractStructure]
-    loads: Callable[[Draw], Loads]
+    loads: Callable[[_Draw], _Loads]
 
 
 _SHEET = (10, 8, 1)
@@ -182,38 +182,38 @@ _LAYERS = (10, 8, 4)
 _BLOCK = (10, 8, 6)
 
 FORMS = (
-    Form("sheet in heat, full", (_SHEET,), jt.FullVolume, _in_heat),
-    Form("layers between gases, full", (_LAYERS,), jt.FullVolume, _between_gases),
-    Form("block radiating, full", (_BLOCK,), jt.FullVolume, _radiating),
-    Form(
+    _Form("sheet in heat, full", (_SHEET,), jt.FullVolume, _in_heat),
+    _Form("layers between gases, full", (_LAYERS,), jt.FullVolume, _between_gases),
+    _Form("block radiating, full", (_BLOCK,), jt.FullVolume, _radiating),
+    _Form(
         "block in air, aggregate x2",
         (_BLOCK,),
         functools.partial(jt.Aggregate, factor=2),
         _in_air,
     ),
-    Form("block in sun, octree", (_BLOCK,), jt.Octree, _in_sun),
-    Form(
+    _Form("block in sun, octree", (_BLOCK,), jt.Octree, _in_sun),
+    _Form(
         "block held, shell over core",
         (_BLOCK,),
         functools.partial(jt.ShellOverCore, factor=2),
         _held,
     ),
-    Form(
+    _Form(
         "block with a source, multi-level",
         (_BLOCK,),
         functools.partial(jt.MultiLevel, levels=2, hollow="innermost"),
         _with_source,
     ),
-    Form("two blocks with a source, full", (_BLOCK,) * 2, jt.FullVolume, _with_source),
-    Form("block in changing heat, full", (_BLOCK,), jt.FullVolume, _in_changing_heat),
-    Form("block in changing air, shell", (_BLOCK,), jt.SingleShell, _in_changing_air),
-    Form(
+    _Form("two blocks with a source, full", (_BLOCK,) * 2, jt.FullVolume, _with_source),
+    _Form("block in changing heat, full", (_BLOCK,), jt.FullVolume, _in_changing_heat),
+    _Form("block in changing air, shell", (_BLOCK,), jt.SingleShell, _in_changing_air),
+    _Form(
         "block held, aggregate x3",
         (_BLOCK,),
         functools.partial(jt.Aggregate, factor=3),
         _held,
     ),
-    Form("two blocks radiating, octree", (_BLOCK,) * 2, jt.Octree, _radiating),
+    _Form("two blocks radiating, octree", (_BLOCK,) * 2, jt.Octree, _radiating),
 )
 
 
@@ -233,7 +233,7 @@ class Drawn(NamedTuple):
 
 
 @functools.cache
-def _structures(form: Form, pitch: float) -> tuple[AbstractStructure, ...]:
+def _structures(form: _Form, pitch: float) -> tuple[AbstractStructure, ...]:
     structures = []
     for shape in form.shapes:
         x, y, z = (count * pitch for count in shape)
@@ -258,7 +258,7 @@ def draw(number: int) -> Drawn:
     starts = tuple(float(random.uniform(250.0, 400.0)) for _ in structures)
     bodies = _bodies(structures, materials, starts)
     dtype = ("float32", "float64")[turn % 2]
-    loads = form.loads(Draw(random, materials, h, end))
+    loads = form.loads(_Draw(random, materials, h, end))
     terms = loads.terms
     if len(bodies) > 1:
         terms = (*terms, jt.Contact(float(10.0 ** random.uniform(1.0, 5.0))))

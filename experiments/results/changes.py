@@ -51,7 +51,7 @@ class Change(NamedTuple):
         return {key: value for key, value in fields if value not in (ABSENT, "")}
 
 
-class Pair(NamedTuple):
+class _Pair(NamedTuple):
     """Values of one key in two results."""
 
     key: str
@@ -61,10 +61,10 @@ class Pair(NamedTuple):
 
 def pairs(
     old: Mapping[str, Any], new: Mapping[str, Any], keys: Sequence[str] | None = None
-) -> Iterator[Pair]:
+) -> Iterator[_Pair]:
     """Values by the keys of both, or by some keys; ABSENT for a missing one."""
     for key in {**old, **new} if keys is None else keys:
-        yield Pair(key, old=old.get(key, ABSENT), new=new.get(key, ABSENT))
+        yield _Pair(key, old=old.get(key, ABSENT), new=new.get(key, ABSENT))
 
 
 def presence(value: object, words: str) -> object:

@@ -70,7 +70,7 @@ Measure = Callable[[bool], Finding]
 """Measures an exhibit, in the reduced size if the argument is True."""
 
 
-class Claim(NamedTuple):
+class _Claim(NamedTuple):
     """A statement of the thesis, in our own words, that can be measured."""
 
     id: str
@@ -81,12 +81,12 @@ class Claim(NamedTuple):
     """Names of the exhibits that answer it."""
 
 
-def _read_claims() -> tuple[Claim, ...]:
+def _read_claims() -> tuple[_Claim, ...]:
     path = Path(__file__).with_name("data") / "claims.csv"
     with path.open(encoding="utf-8", newline="") as lines:
         rows = [*csv.DictReader(lines)]
     return tuple(
-        Claim(
+        _Claim(
             id=row["id"],
             text=row["text"],
             place=row["place"],

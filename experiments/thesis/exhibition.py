@@ -136,7 +136,9 @@ def _measured(
     measure = partial(exhibit.measure, identity["quick"])
     verdict = Verdict.FAILED
     try:
-        row = record.once(identity, {"exhibit": exhibit.name}, lambda: store(measure()))
+        row = record.once(
+            identity, {"exhibit": exhibit.name}, lambda: _store(measure())
+        )
     except Exception as error:  # one broken exhibit must not stop the others
         failure = described(error)
     else:
@@ -156,7 +158,7 @@ def _measured(
     return Measured(exhibit, verdict=verdict, seconds=seconds, failure=failure)
 
 
-def store(finding: Finding) -> tuple[dict[str, Any], Arrays]:
+def _store(finding: Finding) -> tuple[dict[str, Any], Arrays]:
     """A finding in types that JSON has, and its pictures as the bytes of files."""
     files: Arrays = {}
     for name, picture in finding.pictures.items():

@@ -92,7 +92,7 @@ def heated(name: str, height: int, times: tuple[float, ...]) -> Heated:
     return Heated(structure, statue.solve(structure))
 
 
-class Difference(NamedTuple):
+class _Difference(NamedTuple):
     """Difference of a structure's surface from the full volume's, at each time."""
 
     kelvin: list[float]
@@ -101,14 +101,14 @@ class Difference(NamedTuple):
     """Root mean square over that of the full volume's rise [%]."""
 
 
-def difference(run: Heated, full: Heated) -> Difference:
+def difference(run: Heated, full: Heated) -> _Difference:
     """Compare the surfaces of two runs."""
     # Not over the span: single voxels that touch nothing are a hundred kelvin warm.
     area = full.structure.grid.fragment_area
     kelvin = [rms(error, area) for error in run.surface - full.surface]
     rises = [rms(rise, area) for rise in full.surface - START]
     percent = [100 * error / rise for error, rise in zip(kelvin, rises, strict=True)]
-    return Difference(kelvin, percent)
+    return _Difference(kelvin, percent)
 
 
 def _cameras() -> dict[str, Camera]:

@@ -88,7 +88,7 @@ def _inside_only(copies: _Copies, grid: jt.VoxelGrid) -> _Copies:
     return _Copies(copies.centre[is_inside], copies.level[is_inside])
 
 
-class Reading(NamedTuple):
+class _Reading(NamedTuple):
     """Cells of one reading."""
 
     levels: int
@@ -112,13 +112,13 @@ class Reading(NamedTuple):
 
 
 @cache
-def readings() -> dict[str, Reading]:
+def readings() -> dict[str, _Reading]:
     """Cells by depth, by halved copies, and by copies whose centres are inside."""
     grid = buddha().grid(HEIGHT, "dominant_axis")
     by_depth = jt.IrregularMultiLevel(grid)
     copies = _halved_copies(grid, min(LEVELS, _copy_count(grid)))
     return {
-        "by depth": Reading(
+        "by depth": _Reading(
             levels=by_depth.level_count,
             cells=by_depth.node_count,
             count=by_depth.cover_count(),
@@ -128,8 +128,8 @@ def readings() -> dict[str, Reading]:
     }
 
 
-def _reading(copies: _Copies, grid: jt.VoxelGrid) -> Reading:
-    return Reading(
+def _reading(copies: _Copies, grid: jt.VoxelGrid) -> _Reading:
+    return _Reading(
         levels=int(copies.level.max()) + 1,
         cells=len(copies.level),
         count=cover_count(copies.centre, copies.level, grid.lattice.shape),

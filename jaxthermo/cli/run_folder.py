@@ -72,7 +72,7 @@ class FinishedRun(NamedTuple):
     """Error against the reference that the config names, if any."""
 
 
-class WrittenRun(NamedTuple):
+class _WrittenRun(NamedTuple):
     """Time of the frames, and the lines that tell about the files of a run."""
 
     frames_time: float
@@ -88,7 +88,7 @@ def write_run(
     camera: FrameCamera,
     extras: Extras,
     out: Path,
-) -> WrittenRun:
+) -> _WrittenRun:
     """Write the files of a run: its solution, energies, probes, summary and frames.
 
     Args:
@@ -125,4 +125,4 @@ def write_run(
     write_json(out / _SUMMARY, summary | measured)
     frame_count = count(frames.count, "frame")
     told = f"{frame_count} in {out / FRAMES}, {_SUMMARY} in {out}"
-    return WrittenRun(frames_time=frames_time, lines=[told, *frames.lines])
+    return _WrittenRun(frames_time=frames_time, lines=[told, *frames.lines])

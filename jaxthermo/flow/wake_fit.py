@@ -55,7 +55,7 @@ def _remainder(q, x):
     return 1 - (q[0] - q[2]) * near - q[2]
 
 
-class Family(NamedTuple):
+class _Family(NamedTuple):
     """Curves of one form, with names and first guesses of their parameters."""
 
     name: str
@@ -65,19 +65,19 @@ class Family(NamedTuple):
 
 
 FAMILIES = (
-    Family(
+    _Family(
         name="exponential", curve=_exponential, parameters=("A", "l"), guess=(1.0, 4.0)
     ),
-    Family(
+    _Family(
         name="power", curve=_power, parameters=("A", "l", "p"), guess=(1.0, 2.0, 0.7)
     ),
-    Family(
+    _Family(
         name="confined",
         curve=_confined,
         parameters=("A", "l", "p", "c"),
         guess=(1.0, 2.0, 0.5, 50.0),
     ),
-    Family(
+    _Family(
         name="remainder",
         curve=_remainder,
         parameters=("A", "l", "r"),
@@ -152,7 +152,7 @@ def _standard_errors(
 
 
 def fit_family(
-    family: Family, x: Float[np.ndarray, " n"], ratio: Float[np.ndarray, " n"]
+    family: _Family, x: Float[np.ndarray, " n"], ratio: Float[np.ndarray, " n"]
 ) -> FamilyFit:
     """Curve of a family through u / U at distances x, all parameters positive."""
     points = (np.asarray(x, float), np.asarray(ratio, float))

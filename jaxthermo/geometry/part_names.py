@@ -65,7 +65,7 @@ def pattern_of_parts(
     Raises:
         InputError: for a part of no or of several patterns, or a pattern of no part.
     """
-    listed = listed_names(names)
+    listed = _listed_names(names)
     pattern_of: dict[str, str] = {}
     for pattern in patterns:
         matching = [] if pattern == "*" else matching_parts(pattern, names)
@@ -92,7 +92,7 @@ def pattern_of_parts(
     return {name: pattern_of.get(name, "*") for name in names}
 
 
-def listed_names(names: Sequence[str]) -> str:
+def _listed_names(names: Sequence[str]) -> str:
     """Names of parts in a message: "roof, door and 58 more"."""
     listed = ", ".join(names[:_MAX_LISTED])
     if len(names) > _MAX_LISTED:
@@ -102,11 +102,11 @@ def listed_names(names: Sequence[str]) -> str:
 
 def unmatched_name(pattern: str, names: Sequence[str]) -> str:
     """Message that no body has a name that a pattern stands for."""
-    existing = f"there are {listed_names(names)}" if names else "none has one"
+    existing = f"there are {_listed_names(names)}" if names else "none has one"
     return f"no body has the name {pattern!r}; {existing}"
 
 
-class RuleFault(NamedTuple):
+class _RuleFault(NamedTuple):
     """A rule that does nothing, or parts without a rule."""
 
     rule: int | None
@@ -114,17 +114,17 @@ class RuleFault(NamedTuple):
     line: str
 
 
-class AssignedRules(NamedTuple):
+class _AssignedRules(NamedTuple):
     """Rules of parts."""
 
     rule_of: dict[str, int]
     """Number of the rule of each part by its name, in the order of the parts."""
-    faults: list[RuleFault]
+    faults: list[_RuleFault]
 
 
 def assign_rules(
     rules: Sequence[Sequence[str]], short: Mapping[str, str]
-) -> AssignedRules:
+) -> _AssignedRules:
     """Find the first rule that matches each part.
 
     Args:
@@ -145,19 +145,19 @@ def assign_rules(
             for name in matching:
                 rule_of.setdefault(name, number)
         if unmatched:
-            existing = listed_names(list(short.values()))
+            existing = _listed_names(list(short.values()))
             line = f"there is no part {unmatched[0]!r}; there are {existing}"
-            faults.append(RuleFault(number, line))
+            faults.append(_RuleFault(number, line))
         # One for all that is left may find nothing left.
         elif len(rule_of) == count and "*" not in patterns:
             line = "earlier rules match all of its parts: move it up, or remove it"
-            faults.append(RuleFault(number, line))
+            faults.append(_RuleFault(number, line))
     missing = [short[name] for name in short if name not in rule_of]
     # A pattern that matches nothing explains parts without a rule.
     if missing and not faults:
         line = (
-            f"no rule is for {listed_names(missing)}: give one, or '*' for all others"
+            f"no rule is for {_listed_names(missing)}: give one, or '*' for all others"
         )
-        faults.append(RuleFault(None, line))
+        faults.append(_RuleFault(None, line))
     in_order = {name: rule_of[name] for name in short if name in rule_of}
-    return AssignedRules(in_order, faults)
+    return _AssignedRules(in_order, faults)

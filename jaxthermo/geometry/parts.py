@@ -93,7 +93,7 @@ def encloses_volume(mesh: Mesh) -> bool:
     return mesh.is_watertight and mesh.volume > _ROUNDING * mesh.area * extent
 
 
-class JoinedParts(NamedTuple):
+class _JoinedParts(NamedTuple):
     """One mesh of several parts."""
 
     mesh: Mesh
@@ -101,13 +101,13 @@ class JoinedParts(NamedTuple):
     """Number of the part that each face belongs to."""
 
 
-def joined_parts(meshes: Sequence[Mesh]) -> JoinedParts:
+def joined_parts(meshes: Sequence[Mesh]) -> _JoinedParts:
     """Concatenate meshes in their order; a single one is returned as it is."""
     counts = [len(mesh.faces) for mesh in meshes]
     face_part = np.repeat(np.arange(len(meshes)), counts)
     if len(meshes) == 1:
-        return JoinedParts(meshes[0], face_part)
+        return _JoinedParts(meshes[0], face_part)
     vertices, faces = joined([(mesh.vertices, mesh.faces) for mesh in meshes])
     first = meshes[0]
     mesh = Mesh(vertices=vertices, faces=faces, name=first.name, axes=first.axes)
-    return JoinedParts(mesh, face_part)
+    return _JoinedParts(mesh, face_part)

@@ -22,7 +22,7 @@ from .multigrid_cycle import AbstractCycle
 from .network import AbstractNetwork
 
 
-class ColumnCycle(AbstractCycle):
+class _ColumnCycle(AbstractCycle):
     """A cycle for (diag(m) - K)^-1, with the columns solved before and after it."""
 
     network: AbstractNetwork
@@ -49,8 +49,8 @@ def column_cycle(
     columns: Columns,
     m: Float[Array, " n"],
     cycle: AbstractCycle,
-) -> ColumnCycle:
+) -> _ColumnCycle:
     """Wrap a cycle of a network with columns, for m [W/K]."""
     diagonal = m + 2 * network.explicit_diagonal()
     factors = replace(columns, node_capacity=diagonal).factored(jnp.ones((), m.dtype))
-    return ColumnCycle(network=network, m=m, factors=factors, cycle=cycle)
+    return _ColumnCycle(network=network, m=m, factors=factors, cycle=cycle)

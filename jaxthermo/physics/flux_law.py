@@ -214,10 +214,10 @@ class BoundTerm(Module):
 
 def bound(effective_area: Float[Values, " m"], law: AbstractFluxLaw) -> BoundTerm:
     """A law on surface cells of one body."""
-    return BoundTerm(effective_area, total(effective_area), law)
+    return BoundTerm(effective_area, _total(effective_area), law)
 
 
-def total(values: Float[Values, " m"]) -> Float[Values, ""]:
+def _total(values: Float[Values, " m"]) -> Float[Values, ""]:
     """Sum in double precision, or to about one rounding where the values are traced."""
     if is_traced(values):
         return precise_sum(jnp.asarray(values))
@@ -230,5 +230,5 @@ def totals(values: Float[Values, " m"], counts: Sequence[int]) -> Float[Values, 
     """Sums of the cells of each body, one body after the other, as precise."""
     if is_traced(values) and counts[1:]:
         return sums_of_sizes(counts)(jnp.asarray(values))
-    rows = [total(values[of_body]) for of_body in consecutive(counts)]
+    rows = [_total(values[of_body]) for of_body in consecutive(counts)]
     return namespace(rows).stack(rows)

@@ -147,7 +147,7 @@ def for_jit(value: Any, dtype: Any) -> Any:
     return jax.tree.map(typed, value)
 
 
-def stated_numbers(value: Any) -> Any:
+def _stated_numbers(value: Any) -> Any:
     """Numbers of a value, as its author wrote them; a plain function has none."""
     value = value.value if isinstance(value, Until) else value
     return value.values if isinstance(value, Table | PiecewiseLinear) else value
@@ -155,7 +155,7 @@ def stated_numbers(value: Any) -> Any:
 
 def is_zero(value: Any) -> bool:
     """True if the value is known to be 0 at all times."""
-    stated = stated_numbers(value)
+    stated = _stated_numbers(value)
     # A fit may move a traced value away from 0.
     if callable(stated) or is_traced(stated):
         return False
@@ -202,7 +202,7 @@ def check_value(value: Any, argument: str, minimum: float = -np.inf) -> None:
     Raises:
         InputError: naming the argument.
     """
-    stated = stated_numbers(value)
+    stated = _stated_numbers(value)
     if callable(stated) or is_traced(stated):
         return
     try:
@@ -250,7 +250,7 @@ def check_temperature(
     Raises:
         InputError: naming the argument.
     """
-    stated = stated_numbers(value)
+    stated = _stated_numbers(value)
     if callable(stated):
         if end is None:
             return
@@ -362,5 +362,5 @@ def _sampled(value: Any, end: float | int) -> Float[Any, "..."]:
         times = jnp.linspace(0.0, end, _FUNCTION_SAMPLES)
         return jax.vmap(lambda t: value_at(value, t))(times)
     # On the host where nothing is traced: single operations on a device are slow.
-    numbers = stated_numbers(value)
+    numbers = _stated_numbers(value)
     return namespace(numbers).asarray(numbers, float)

@@ -57,7 +57,7 @@ def _since(start: SplitTimes, times: SplitTimes) -> Float[Array, "..."]:
     return (times[0] - start[0]) + (times[1] - start[1])
 
 
-class Line(Module):
+class _Line(Module):
     """A value that is linear in the time since the start of a window."""
 
     origin: Any
@@ -124,7 +124,7 @@ class PiecewiseLinear(AbstractVarying):
         shifted = shifted.at[1].add(rounding)
         return PiecewiseLinear(shifted, self.first, self.last, ends_steps=False)
 
-    def _line(self, window: Window) -> Line:
+    def _line(self, window: Window) -> _Line:
         """The line in the middle of a window."""
         dtype = window.length.dtype
         times = jnp.asarray(self.times, dtype)
@@ -139,7 +139,7 @@ class PiecewiseLinear(AbstractVarying):
         value = jnp.where(begun > pieces, last[piece], first[piece])
         # Knots that only float64 tells apart enclose no time.
         slope = (last[piece] - first[piece]) / jnp.where(width > 0, width, 1)
-        return Line(
+        return _Line(
             origin=_since(window.start, begin),
             value=value,
             slope=jnp.where(is_inside & (width > 0), slope, 0),
@@ -207,14 +207,14 @@ def _count_until(times: SplitTimes, start: SplitTimes, after: Time) -> Int[Array
 
 def _projection(
     start: Time, dt: Time, mean: Array, moment: Array, lowest: Array, highest: Array
-) -> Line:
+) -> _Line:
     """The line of a mean and a first moment about the middle, between two bounds.
 
     A line that would leave the bounds within the step is less steep.
     """
     steepest = 2 * jnp.maximum(jnp.minimum(highest - mean, mean - lowest), 0) / dt
     slope = jnp.clip(12 * moment / dt**3, -steepest, steepest)
-    return Line(origin=start + dt / 2, value=mean, slope=slope)
+    return _Line(origin=start + dt / 2, value=mean, slope=slope)
 
 
 class FunctionOfTime(AbstractVarying):
@@ -235,7 +235,7 @@ class FunctionOfTime(AbstractVarying):
         return FunctionOfTime(self.function, window.start)
 
     @override
-    def within(self, start: SplitTimes, dt: Time) -> Line:
+    def within(self, start: SplitTimes, dt: Time) -> _Line:
         begin = start.sum()
         points = jnp.asarray(_POINTS, dt.dtype)
         samples = jax.vmap(self)(begin + dt * (points + 1) / 2)
@@ -254,8 +254,8 @@ class FunctionOfTime(AbstractVarying):
 
 def switched(value: Any, is_on: Bool[Array, ""]) -> Any:
     """A value of a window, or 0 where it is off."""
-    if isinstance(value, Line):
-        return Line(
+    if isinstance(value, _Line):
+        return _Line(
             origin=value.origin,
             value=jnp.where(is_on, value.value, 0),
             slope=jnp.where(is_on, value.slope, 0),

@@ -72,7 +72,7 @@ def orthographic_view(
     return fitted_view(points.reshape(-1, 3), direction, pitch).view
 
 
-class FittedView(NamedTuple):
+class _FittedView(NamedTuple):
     """The smallest view around some points, with a pixel of margin."""
 
     view: OrthographicView
@@ -82,7 +82,7 @@ class FittedView(NamedTuple):
 
 def fitted_view(
     points: Float[np.ndarray, "n 3"], direction: object, pitch: float
-) -> FittedView:
+) -> _FittedView:
     """The view of `orthographic_view` with its points projected."""
     frame = view_frame(direction)
     turned = linear_map(points, frame.T)
@@ -101,7 +101,7 @@ def fitted_view(
         width=int(width),
         height=int(height),
     )
-    return FittedView(view=view, at=view.scaled(turned))
+    return _FittedView(view=view, at=view.scaled(turned))
 
 
 # Successive points of a Fibonacci spiral are rotated by the golden angle [rad].
@@ -192,7 +192,7 @@ _NEAR = 1e-6
 
 
 @dataclass(frozen=True)
-class PerspectiveView:
+class _PerspectiveView:
     """Rays from `eye` through a grid of pixels on the plane at depth 1."""
 
     frame: Float[np.ndarray, "3 3"]
@@ -263,7 +263,7 @@ class PerspectiveView:
 
 def perspective_views(
     eye: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 3"], size: float
-) -> list[tuple[PerspectiveView, Int[np.ndarray, " m"]]]:
+) -> list[tuple[_PerspectiveView, Int[np.ndarray, " m"]]]:
     """Views from `eye` [m] that cover all points, with the indices of their points.
 
     No point may be at the eye; `size` is that of a pixel at the farthest point [m].
@@ -292,7 +292,7 @@ def perspective_views(
     return views
 
 
-def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
+def _view(eye, forward, away: np.ndarray, size: float) -> _PerspectiveView:
     frame = view_frame(unit_vector(forward))
     local = linear_map(away, frame.T)
     farthest = float(local[:, 2].max())
@@ -305,7 +305,7 @@ def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
     count = np.maximum(covered_pixels, 1) + 4
     width, height = count
     corner = (low + high) / 2 - count * pixel / 2
-    return PerspectiveView(
+    return _PerspectiveView(
         frame=frame,
         eye=eye,
         corner=corner,
@@ -317,7 +317,7 @@ def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
 
 
 def pixels_at(
-    view: OrthographicView | PerspectiveView, projected: Float[np.ndarray, "n 3"]
+    view: OrthographicView | _PerspectiveView, projected: Float[np.ndarray, "n 3"]
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Row and column of the pixel of each projected point; the nearest one outside."""
     row = np.clip(projected[:, 1].astype(int), 0, view.height - 1)

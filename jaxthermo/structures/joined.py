@@ -22,7 +22,7 @@ from .structure import AbstractStructure, ColumnLayout, Links, Nodes
 from .weights import ConductionWeights
 
 
-class JoinedGrid(AbstractGrid):
+class _JoinedGrid(AbstractGrid):
     """Fragments of several bodies, each in the frame of its own body.
 
     The bodies have no mesh and no lattice in common.
@@ -78,7 +78,7 @@ class JoinedStructure(AbstractStructure):
     All of them have columns of the same number of cells, or none.
     """
 
-    grid: JoinedGrid = eqx.field(static=True)
+    grid: _JoinedGrid = eqx.field(static=True)
     parts: tuple[AbstractStructure, ...]
     weights: ConductionWeights = eqx.field(kw_only=True, default=ConductionWeights())
 
@@ -86,7 +86,7 @@ class JoinedStructure(AbstractStructure):
     def of(cls, parts: tuple[AbstractStructure, ...]) -> "JoinedStructure":
         """Join structures whose states are lists of nodes."""
         grids = tuple(part.grid for part in parts)
-        grid = found(grids, by="joined grid", find=lambda: JoinedGrid(grids))
+        grid = found(grids, by="joined grid", find=lambda: _JoinedGrid(grids))
         return cls(grid, parts)
 
     @cached_property

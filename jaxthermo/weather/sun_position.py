@@ -70,7 +70,7 @@ class Place:
         return np.array([x, y, 0.0]), np.array([y, -x, 0.0])
 
 
-def require_pvlib(purpose: str) -> None:
+def _require_pvlib(purpose: str) -> None:
     """Check that pvlib is installed.
 
     Raises:
@@ -101,7 +101,7 @@ def sun_position(place: Place, seconds: Float[np.ndarray, " t"]) -> _SunPosition
     Raises:
         InputError: without the package pvlib.
     """
-    require_pvlib("the position of the sun")
+    _require_pvlib("the position of the sun")
     date = datetime.fromtimestamp(float(seconds[0]), UTC)
     zenith, _, _, _, azimuth, _ = _pvlib.spa.solar_position(
         np.asarray(seconds, float),

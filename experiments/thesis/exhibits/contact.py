@@ -55,7 +55,7 @@ _LEGEND = Legend(
 )
 
 
-class Touching(NamedTuple):
+class _Touching(NamedTuple):
     """Two bodies that touch, as voxels."""
 
     a: PlacedGrid
@@ -79,7 +79,7 @@ def _areas_of_contact(quick: bool) -> Finding:
     grid = two_cylinders(_SHOWN).a.voxels
     coarse = next(row for row in disc if row["voxels_across"] == _COARSE)
     # Of a plate thinner than the threshold.
-    thin = contact_areas(ball_on_plate(_SHOWN, _FIXED, _FIXED / 2), _FIXED)
+    thin = contact_areas(_ball_on_plate(_SHOWN, _FIXED, _FIXED / 2), _FIXED)
     two_sided = coarse["texels_b"] / coarse["texels_a"]
     return Finding(
         # Areas are found, but hang on a threshold.
@@ -93,7 +93,7 @@ def _areas_of_contact(quick: bool) -> Finding:
             "compared": len(grid.fragment_area) / grid.solid_count,
             "two_sided": two_sided,
             "two_sided_difference": abs(two_sided - 1),
-            "thin_plate_over_exact": thin.texels_b / cap_area(_FIXED),
+            "thin_plate_over_exact": thin.texels_b / _cap_area(_FIXED),
         },
         {
             "figure-5.4": _cylinder_textures(),
@@ -147,7 +147,7 @@ def _cylinder_textures() -> Image.Image:
     grid = a.voxels
     height = grid.lattice.to_cells(grid.fragment_position)[:, 2]
     texture = enlarged(packed_images(grid, 2, _grey(height, grid))[-1], _EDGE)
-    layers = rendered(a, b, 2)
+    layers = _rendered(a, b, 2)
     background = np.array(_NOTHING, np.uint8)
     of_b = layers.image(0, _grey(layers.depth, grid), background)
     texels = touching_texels(a, b, a.pitch)
@@ -168,7 +168,7 @@ def _grey(depth: np.ndarray, grid: Any) -> np.ndarray:
     return depth_colours(1 - np.clip(depth / height, 0, 1))
 
 
-def _bodies(touching: Touching, size: int) -> np.ndarray:
+def _bodies(touching: _Touching, size: int) -> np.ndarray:
     bounds = touching.a.world_bounds
     meshes = [in_world(body) for body in touching]
     points = np.concatenate([box_corners(bounds), *(mesh.vertices for mesh in meshes)])
@@ -187,16 +187,16 @@ def _plate_textures(resolutions: Sequence[int]) -> Image.Image:
     """The texture of a plate under a ball, at several resolutions."""
     tiles = []
     for voxels in resolutions:
-        ball, plate = ball_on_plate(voxels, _FIXED)
+        ball, plate = _ball_on_plate(voxels, _FIXED)
         texels = touching_texels(plate, ball, _FIXED)
         tiles.append(_texture_tile(plate, texels, f"{voxels} voxels across the ball"))
     title = "Texture of a plate under a ball, within 1/16 of its radius"
     return sheet(tiles, _LEGEND, title)
 
 
-def ball_on_plate(
+def _ball_on_plate(
     voxels: int, max_threshold: float, thickness: float | None = None
-) -> Touching:
+) -> _Touching:
     """A ball of radius 1 on a plate, both in voxels of one size.
 
     Args:
@@ -212,13 +212,13 @@ def ball_on_plate(
     plate = _grid(box((width, width, thickness)), pitch)
     # Off the lattice's symmetry, where errors of opposite fragments would cancel.
     position = (0.013 * pitch, 0.21 * pitch, -float(mesh.bounds[0, 2]))
-    return Touching(
+    return _Touching(
         PlacedGrid(_grid(mesh, pitch), jt.Pose(position), "ball"),
         PlacedGrid(plate, jt.Pose((0.0, 0.0, -thickness / 2)), "plate"),
     )
 
 
-def cap_area(threshold: float) -> float:
+def _cap_area(threshold: float) -> float:
     """Area of a plane that is nearer than a threshold to a unit ball on it."""
     return float(np.pi * (1 - (1 - threshold) ** 2))
 
@@ -228,18 +228,18 @@ _OFFSET = 0.9
 _CYLINDER_HEIGHT = 0.6
 
 
-def two_cylinders(voxels: int) -> Touching:
+def two_cylinders(voxels: int) -> _Touching:
     """Upright cylinders of radius 1, B on top of A and moved along x."""
     pitch = 2.0 / voxels
     grid = _grid(cylinder(1.0, _CYLINDER_HEIGHT, 512), pitch)
     # Off the symmetry of A's lattice by fractions of a voxel.
     position = (_OFFSET + 0.013 * pitch, 0.21 * pitch, _CYLINDER_HEIGHT)
-    return Touching(
+    return _Touching(
         PlacedGrid(grid, jt.Pose(), "A"), PlacedGrid(grid, jt.Pose(position), "B")
     )
 
 
-def lens_area(touching: Touching) -> float:
+def lens_area(touching: _Touching) -> float:
     """Area that two circles of radius 1 have in common."""
     x, y, _ = touching.b.pose.translation
     half = float(np.hypot(x, y)) / 2
@@ -252,7 +252,7 @@ def _grid(mesh: jt.Mesh, pitch: float) -> jt.VoxelGrid:
     return jt.voxelize(mesh, pitch, "dominant_axis")
 
 
-def rendered(a: PlacedGrid, b: PlacedGrid, axis: int) -> DepthLayers:
+def _rendered(a: PlacedGrid, b: PlacedGrid, axis: int) -> DepthLayers:
     """Depth layers of B in the pixels of A's lattice along an axis, in cells."""
     lattice = a.grid.lattice
     in_the_world = b.pose.to_world(b.grid.mesh.vertices)
@@ -273,7 +273,7 @@ def touching_texels(
     cells = grid.lattice.to_cells(grid.fragment_position)
     within = threshold / a.pitch
     for axis in range(3):
-        layers = rendered(a, b, axis)
+        layers = _rendered(a, b, axis)
         texels = np.flatnonzero(grid.fragment_axis == axis)
         if not len(layers.depth) or not len(texels):
             continue
@@ -292,7 +292,7 @@ def touching_texels(
     return is_touching
 
 
-class Areas(NamedTuple):
+class _Areas(NamedTuple):
     """Area of contact in square radii, by texels of either body and by rays."""
 
     texels_a: float
@@ -303,10 +303,10 @@ class Areas(NamedTuple):
     """The library's area, one for both bodies."""
 
 
-def contact_areas(touching: Touching, threshold: float) -> Areas:
+def contact_areas(touching: _Touching, threshold: float) -> _Areas:
     """Areas of contact within a threshold [radii]."""
     a, b = touching
-    return Areas(
+    return _Areas(
         texels_a=float(touching_texels(a, b, threshold).sum()) * a.pitch**2,
         texels_b=float(touching_texels(b, a, threshold).sum()) * a.pitch**2,
         rays=float(find_contacts(a, b, threshold).area.sum()),
@@ -314,7 +314,7 @@ def contact_areas(touching: Touching, threshold: float) -> Areas:
 
 
 def _row(
-    case: str, touching: Touching, *, voxels: int, threshold: float, exact: float
+    case: str, touching: _Touching, *, voxels: int, threshold: float, exact: float
 ) -> Numbers:
     areas = contact_areas(touching, threshold)._asdict()
     return {
@@ -335,11 +335,11 @@ def _by_resolution(resolutions: Sequence[int]) -> list[Numbers]:
     for voxels in resolutions:
         pitch = 2.0 / voxels
         cylinders = two_cylinders(voxels)
-        ball = ball_on_plate(voxels, max(pitch, _FIXED))
+        ball = _ball_on_plate(voxels, max(pitch, _FIXED))
         for case, touching, threshold, exact in (
             (_CYLINDERS, cylinders, pitch, lens_area(cylinders)),
-            (_BALL, ball, _FIXED, cap_area(_FIXED)),
-            (_BALL_VOXEL, ball, pitch, cap_area(pitch)),
+            (_BALL, ball, _FIXED, _cap_area(_FIXED)),
+            (_BALL_VOXEL, ball, pitch, _cap_area(pitch)),
         ):
             row = _row(case, touching, voxels=voxels, threshold=threshold, exact=exact)
             rows.append(row)
@@ -348,12 +348,12 @@ def _by_resolution(resolutions: Sequence[int]) -> list[Numbers]:
 
 def _by_threshold() -> list[Numbers]:
     """Areas at the resolution of pictures within several thresholds."""
-    ball = ball_on_plate(_SHOWN, max(_THRESHOLDS))
+    ball = _ball_on_plate(_SHOWN, max(_THRESHOLDS))
     cylinders = two_cylinders(_SHOWN)
     rows = []
     for threshold in _THRESHOLDS:
         for case, touching, exact in (
-            (_BALL, ball, cap_area(threshold)),
+            (_BALL, ball, _cap_area(threshold)),
             (_CYLINDERS, cylinders, lens_area(cylinders)),
         ):
             row = _row(case, touching, voxels=_SHOWN, threshold=threshold, exact=exact)

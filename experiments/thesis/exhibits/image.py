@@ -72,7 +72,7 @@ class _Radiances(NamedTuple):
     """Largest difference of the parts' sum from the total on the body, relative."""
 
 
-class Frame(NamedTuple):
+class _Frame(NamedTuple):
     """A frame in parts, and where it shows what."""
 
     bands: dict[str, _Radiances]
@@ -169,7 +169,7 @@ def _statue_scene(height: int) -> tuple[jt.Solution, Camera]:
     return jt.simulate(scene, _TIME), frame_all(grid.mesh.triangles, 250, 420)
 
 
-def separate(solution: jt.Solution, camera: Camera) -> Frame:
+def separate(solution: jt.Solution, camera: Camera) -> _Frame:
     """Frame of a camera, drawn as a whole and in parts in every band."""
     with precision(solution.receipt.dtype):
         bands = {
@@ -178,7 +178,7 @@ def separate(solution: jt.Solution, camera: Camera) -> Frame:
         image = jt.render(solution, camera)
     emissivity = np.asarray(image.emissivity)
     body = np.asarray(image.object_id) >= 0
-    return Frame(
+    return _Frame(
         bands=bands,
         temperature=np.asarray(image.temperature),
         body=body,
@@ -219,7 +219,7 @@ def _radiances(solution: jt.Solution, camera: Camera, band: Band | None) -> _Rad
     return _Radiances(by_origin, float(error))
 
 
-def _radiance_sheet(frame: Frame) -> Image.Image:
+def _radiance_sheet(frame: _Frame) -> Image.Image:
     """The parts of a frame and the total on one scale."""
     radiances = frame.bands[LONG].by_origin
     high = float(np.percentile(radiances[_TOTAL][frame.body], 99.8))
@@ -231,7 +231,7 @@ def _radiance_sheet(frame: Frame) -> Image.Image:
     )
 
 
-def _shots(frame: Frame, pictures: Mapping[str, Pixels], note: str) -> list[Shot]:
+def _shots(frame: _Frame, pictures: Mapping[str, Pixels], note: str) -> list[Shot]:
     """Pictures of the frame, with their means on paint and patch in a note."""
     shots = []
     for name, values in pictures.items():
@@ -241,7 +241,7 @@ def _shots(frame: Frame, pictures: Mapping[str, Pixels], note: str) -> list[Shot
     return shots
 
 
-def readings(frame: Frame) -> _Readings:
+def readings(frame: _Frame) -> _Readings:
     """Readings of a camera that knows what the patch reflects."""
     radiances = frame.bands[LONG].by_origin
     seen = radiances[_TOTAL]
@@ -258,7 +258,7 @@ def readings(frame: Frame) -> _Readings:
     return _Readings(frames, around, spot, spot_of_warmer - spot)
 
 
-def _reading_sheet(frame: Frame, read: _Readings) -> Image.Image:
+def _reading_sheet(frame: _Frame, read: _Readings) -> Image.Image:
     """The surface and readings of it on one scale."""
     on_patch = [values[frame.shiny].mean() for values in read.frames.values()]
     low = float(min(on_patch))
@@ -271,7 +271,7 @@ def _reading_sheet(frame: Frame, read: _Readings) -> Image.Image:
     )
 
 
-def mean_radiances(frame: Frame) -> list[Numbers]:
+def mean_radiances(frame: _Frame) -> list[Numbers]:
     """Means of the radiances on paint and patch, a row for each band."""
     return [
         {

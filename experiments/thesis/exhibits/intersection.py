@@ -92,7 +92,7 @@ def _intersection_of_balls(_: bool) -> Finding:
     )
 
 
-class Bounds(NamedTuple):
+class _Bounds(NamedTuple):
     """Crossings that bound the intersection on rays along one axis."""
 
     axis: int
@@ -182,7 +182,7 @@ def two_balls(
     return _Balls((a, moved), radii, float(np.linalg.norm(offset)))
 
 
-def bounds_along(balls: _Balls, axis: int, rays: int) -> Bounds:
+def bounds_along(balls: _Balls, axis: int, rays: int) -> _Bounds:
     """Cast `rays` x `rays` rays along an axis of the overlap box."""
     low, high = balls.box
     row_axis, column_axis = pixel_axes(axis)
@@ -206,7 +206,7 @@ def bounds_along(balls: _Balls, axis: int, rays: int) -> Bounds:
     position[:, axis] = layers.depth[bounding]
     position[:, column_axis] = low[column_axis] + (column + 0.5) * cell[column_axis]
     position[:, row_axis] = low[row_axis] + (row + 0.5) * cell[row_axis]
-    return Bounds(
+    return _Bounds(
         axis=axis,
         position=position,
         body=body[bounding],
@@ -236,7 +236,7 @@ def _collision_surfaces(balls: _Balls) -> np.ndarray:
     return with_box(seen, camera, balls.box)
 
 
-def _blocks(bounds: Bounds) -> jt.Mesh:
+def _blocks(bounds: _Bounds) -> jt.Mesh:
     """A block at every bound, as wide as a pixel: its three sides that are seen."""
     middle = bounds.position[bounds.is_dominant]
     half = bounds.cell / 2
@@ -254,13 +254,13 @@ def _blocks(bounds: Bounds) -> jt.Mesh:
     return jt.Mesh(np.concatenate(sides), faces, "bounds")
 
 
-def _volume_picture(balls: _Balls, bounds: Sequence[Bounds]) -> np.ndarray:
+def _volume_picture(balls: _Balls, bounds: Sequence[_Bounds]) -> np.ndarray:
     camera = camera_on(box_corners(balls.box), _DIRECTION, _EDGE)
     blocks = [(_blocks(on_axis), _AXES[on_axis.axis]) for on_axis in bounds]
     return with_box(shaded(blocks, camera), camera, balls.box)
 
 
-def _rays_picture(balls: _Balls, bounds: Bounds, rays: int) -> np.ndarray:
+def _rays_picture(balls: _Balls, bounds: _Bounds, rays: int) -> np.ndarray:
     """Section through the middle of the box along an axis, with the rays in it."""
     along, up, across = ((bounds.axis + k) % 3 for k in range(3))
     low, high = balls.box
@@ -300,7 +300,7 @@ def _rays_picture(balls: _Balls, bounds: Bounds, rays: int) -> np.ndarray:
 
 
 def pictures(
-    balls: _Balls, bounds: Mapping[int, Sequence[Bounds]]
+    balls: _Balls, bounds: Mapping[int, Sequence[_Bounds]]
 ) -> dict[str, Image.Image]:
     """The figure's three pictures, and sections with the rays.
 
@@ -334,7 +334,7 @@ def pictures(
     }
 
 
-def _errors(balls: _Balls, bounds: Sequence[Bounds]) -> dict[str, float]:
+def _errors(balls: _Balls, bounds: Sequence[_Bounds]) -> dict[str, float]:
     """Relative errors of volume, worst of three axes, and of both areas [%]."""
     volume_errors = [on_axis.volume / balls.volume - 1 for on_axis in bounds]
     areas = [sum(on_axis.area_of(body) for on_axis in bounds) for body in (0, 1)]

@@ -97,7 +97,7 @@ SETUPS = (Setup("narrow", 1.0), *(Setup("wide", speed) for speed in _SPEEDS))
 
 
 @dataclass(frozen=True, eq=False)
-class Wake:
+class _Wake:
     """A flow, and the mean speed behind its cylinder over the undisturbed one."""
 
     setup: Setup
@@ -152,7 +152,7 @@ class Wake:
         }
 
 
-def compute_wake(setup: Setup, height: int) -> Wake:
+def compute_wake(setup: Setup, height: int) -> _Wake:
     """The flow of a set-up, with a narrow channel of `height` cells."""
     channel = setup.flow(height)
     steps = round(_PASSES * channel.shape[1] / _LATTICE_SPEED)
@@ -162,7 +162,7 @@ def compute_wake(setup: Setup, height: int) -> Wake:
     middle = centreline(run)
     is_read = middle.at < middle.at[-1] - _OUTLET
     # The undisturbed speed in the middle is 1.5 of the mean.
-    return Wake(
+    return _Wake(
         setup=setup,
         run=run,
         x=middle.at[is_read],
@@ -175,11 +175,11 @@ def _cells(quick: bool) -> int:
 
 
 @cache
-def _wake(setup: Setup, quick: bool) -> Wake:
+def _wake(setup: Setup, quick: bool) -> _Wake:
     return compute_wake(setup, _cells(quick))
 
 
-def _four_speeds(quick: bool) -> list[Wake]:
+def _four_speeds(quick: bool) -> list[_Wake]:
     """The flows in the wide channel, the fastest first."""
     return [_wake(setup, quick) for setup in SETUPS[1:]]
 
@@ -259,7 +259,7 @@ def is_longer(wide: float, narrow: float) -> bool:
     return math.isfinite(narrow) and wide > narrow
 
 
-def _length(flow: Wake, level: float) -> str:
+def _length(flow: _Wake, level: float) -> str:
     length = flow.tail(level)
     return f"{length:.2f}" if math.isfinite(length) else f"more than {flow.x[-1]:.1f}"
 
@@ -391,7 +391,7 @@ def _speed_sheet(tiles: list[Tile], title: str) -> Image.Image:
     return sheet(tiles, bar, title, columns=2)
 
 
-def tail_chart(flows: Sequence[Wake]) -> Chart:
+def tail_chart(flows: Sequence[_Wake]) -> Chart:
     """Figure 6.7: normalized mean speeds by the distance."""
     points = []
     for flow in flows:
@@ -401,7 +401,7 @@ def tail_chart(flows: Sequence[Wake]) -> Chart:
     return _chart(points, SHADES, "Figure 6.7: normalized speeds")
 
 
-def fit_chart(flow: Wake) -> Chart:
+def fit_chart(flow: _Wake) -> Chart:
     """Figure 6.5: one curve and the families fitted to it."""
     points = curve("computed", flow.x, flow.ratio, every=3, marks=LINE)
     behind = flow.x[flow.x > flow.bubble][::3]

@@ -33,7 +33,7 @@ class Polygons(NamedTuple):
     """Number of corners of each polygon."""
 
 
-class Triangles(NamedTuple):
+class _Triangles(NamedTuple):
     """Triangles of polygons, in the order of the polygons."""
 
     faces: Int[np.ndarray, "t 3"]
@@ -41,7 +41,7 @@ class Triangles(NamedTuple):
     """Number of the polygon of each triangle."""
 
 
-def triangulated(vertices: Float[np.ndarray, "v 3"], polygons: Polygons) -> Triangles:
+def triangulated(vertices: Float[np.ndarray, "v 3"], polygons: Polygons) -> _Triangles:
     """Split polygons into triangles of the same winding.
 
     Raises:
@@ -74,7 +74,7 @@ def triangulated(vertices: Float[np.ndarray, "v 3"], polygons: Polygons) -> Tria
             polygon.append(np.full(len(ears), numbers[row]))
     of_triangle = np.concatenate(polygon)
     order = np.argsort(of_triangle, kind="stable")
-    return Triangles(np.concatenate(faces)[order], of_triangle[order])
+    return _Triangles(np.concatenate(faces)[order], of_triangle[order])
 
 
 def _fans(

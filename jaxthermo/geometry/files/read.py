@@ -54,7 +54,7 @@ def read_contents(path: Path) -> FileContents:
         )
     data = _bytes(path)
     if not data.strip(b"\0 \t\r\n"):
-        raise refusal(path, FileFault("the file is empty"))
+        raise _refusal(path, FileFault("the file is empty"))
     files = {}
     if path.suffix.lower() in (".glb", ".gltf"):
         with _one_line(path):
@@ -97,7 +97,7 @@ def read_mesh(path: Path, contents: FileContents) -> FileMesh:
     return mesh
 
 
-def refusal(path: Path, fault: FileFault) -> InputError:
+def _refusal(path: Path, fault: FileFault) -> InputError:
     """The line about a file that cannot be read."""
     return InputError(f"{path}: {fault}: {fault.remedy}")
 
@@ -109,11 +109,11 @@ def _one_line(path: Path) -> Iterator[None]:
         with _silence():
             yield
     except FileFault as fault:
-        raise refusal(path, fault) from fault
+        raise _refusal(path, fault) from fault
     except Exception as error:  # those of parsers have no common type
         reason = str(error).strip().split("\n")[0] or type(error).__name__
         fault = FileFault(f"damaged or cut short ({reason[:120]})")
-        raise refusal(path, fault) from error
+        raise _refusal(path, fault) from error
 
 
 @contextmanager

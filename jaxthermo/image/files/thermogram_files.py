@@ -107,7 +107,7 @@ def read_thermogram(
     elif calibration is not None:
         raise InputError(_COUNTS_AND_CALIBRATION)
     else:
-        linear_unit = unit_of(unit)
+        linear_unit = _unit_of(unit)
         frames = read_temperatures(path, linear_unit, (channel,), page)
         kelvin = _only_frame(path, frames)
     if not np.isfinite(kelvin).any():
@@ -123,7 +123,7 @@ def read_thermogram(
     return kelvin
 
 
-def unit_of(unit: Unit) -> LinearUnit:
+def _unit_of(unit: Unit) -> LinearUnit:
     """Scale and offset of a unit.
 
     Raises:

@@ -36,7 +36,7 @@ _FLAT = 4
 _MAX_CELLS = 2**23
 
 
-class Neighbours(NamedTuple):
+class _Neighbours(NamedTuple):
     """Pairs of a point and a fragment near it with a weight above 0."""
 
     owner: Int[np.ndarray, " w"]
@@ -72,7 +72,7 @@ class _PointRange(NamedTuple):
 
     start: int
     stop: int
-    near: Neighbours
+    near: _Neighbours
 
 
 class _RunningCall(NamedTuple):
@@ -184,7 +184,7 @@ class FragmentCells:
         self,
         points: ShapePoints,
         limits: Limits = _NO_LIMITS,
-    ) -> Neighbours:
+    ) -> _Neighbours:
         """Fragments with a weight at each point: few points, or the reference."""
         owner, slot = self.pairs(points)
         square = self._square(points)
@@ -212,7 +212,7 @@ class FragmentCells:
         counts &= abs(away) < np.broadcast_to(limits.height, square.shape)[owner]
         weight = (fade * facing) ** 2 * self.area[slot]
         positive = np.flatnonzero(counts & (weight > 0))
-        return Neighbours(
+        return _Neighbours(
             owner=owner[positive],
             fragment=self.facing(slot[positive], between[positive]),
             weight=weight[positive],
@@ -356,7 +356,7 @@ class FragmentCells:
         weight = np.asarray(call.weight)[: len(call.run)]
         has_weight = np.flatnonzero(weight)
         weight = weight[has_weight]
-        near = Neighbours(
+        near = _Neighbours(
             owner=call.run[has_weight] // 9,
             fragment=self.facing(np.asarray(call.slot)[has_weight], weight),
             weight=np.abs(weight),

@@ -83,7 +83,7 @@ class PairNodes(NamedTuple):
         return first, second
 
 
-class PairHeat(NamedTuple):
+class _PairHeat(NamedTuple):
     """Heat conduction through every pair."""
 
     rate: Float[Array, " p"]
@@ -154,7 +154,7 @@ class ContactEnd(NamedTuple):
         return zero.at[self.fragment].add(values)
 
 
-class Tangent(NamedTuple):
+class _Tangent(NamedTuple):
     """Links of constant k near the solution for a k that varies.
 
     q = G (T_a - T_b + o_a - o_b),    dq = G (r_a dT_a - r_b dT_b).
@@ -212,23 +212,23 @@ class ContactLinks(Module):
         ]
         return replace(self, ends=tuple(ends))
 
-    def heat(self, time: Time, nodes: PairNodes) -> PairHeat:
+    def heat(self, time: Time, nodes: PairNodes) -> _PairHeat:
         """Heat conduction through each pair, with the conductance at a time [s]."""
         if nodes.varying is None:
             return self._through(time, nodes.difference)
         # Newton's step from the faces carries the derivative of the solution.
         linear, (first, second), _ = self.tangent(time, nodes)
         heat = linear._through(time, nodes.difference + (first - second))
-        return PairHeat(heat.rate, (first + heat.excess[0], second + heat.excess[1]))
+        return _PairHeat(heat.rate, (first + heat.excess[0], second + heat.excess[1]))
 
-    def _through(self, time: Time, difference: Float[Array, " p"]) -> PairHeat:
+    def _through(self, time: Time, difference: Float[Array, " p"]) -> _PairHeat:
         rate = self._links(value_at(self.conductance, time)) * difference
         half_a, half_b = (jnp.asarray(end.half_cell) for end in self.ends)
         first = -rate / jnp.where(half_a > 0, half_a, 1)
         second = rate / jnp.where(half_b > 0, half_b, 1)
-        return PairHeat(rate, (first, second))
+        return _PairHeat(rate, (first, second))
 
-    def tangent(self, time: Time, nodes: PairNodes) -> Tangent:
+    def tangent(self, time: Time, nodes: PairNodes) -> _Tangent:
         """Linear links near the solution, where a conductivity varies."""
         assert nodes.varying is not None
         excess = self._face_excess(time, nodes)
@@ -241,7 +241,7 @@ class ContactLinks(Module):
             mean = cells.mean(node, node + side_excess)
             offsets.append(side_excess * (1 - mean / face))
             ratios.append(cells.at(node) / face)
-        return Tangent(
+        return _Tangent(
             self.scaled(faces), (offsets[0], offsets[1]), (ratios[0], ratios[1])
         )
 
@@ -299,7 +299,7 @@ class ContactLinks(Module):
 
         `relative` are the extremes of k(T) / k(reference) of both bodies [-].
         """
-        # G r of `Tangent` is largest for the highest k at the node, the lowest at its
+        # G r of `_Tangent` is largest for the highest k at the node, the lowest at its
         # face, and the highest beyond it.
         lowest, highest = relative[side]
         first = relative[0].highest if side else lowest
@@ -312,7 +312,7 @@ class ContactLinks(Module):
     ) -> Float[Array, " s"]:
         """Surface minus node temperature of the fragments of body `side` (0, 1) [K].
 
-        `excess` is that of `PairHeat`.
+        `excess` is that of `_PairHeat`.
         """
         end = self.ends[side]
         return end.spread(excess[side] * end.area_fraction, fragments)
@@ -320,7 +320,7 @@ class ContactLinks(Module):
     def fragment_heat(
         self, rate: Float[Array, " p"], side: int, fragments: int
     ) -> Float[Array, " s"]:
-        """Heat rate into the fragments of body `side`, from `PairHeat.rate` [W].
+        """Heat rate into the fragments of body `side`, from `_PairHeat.rate` [W].
 
         Heat through the border of a sheet goes through no fragment.
         """

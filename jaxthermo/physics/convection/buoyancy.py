@@ -28,7 +28,7 @@ REGULARIZATION = 0.01
 that q is smooth at T_s = T_inf."""
 
 
-class ChurchillChu(NamedTuple):
+class _ChurchillChu(NamedTuple):
     """Constants a and c of Churchill and Chu's formula.
 
     Nu = (a + b Ra^(1/6))^2,    b = 0.387 / [1 + (c / Pr)^(9/16)]^(8/27)
@@ -42,10 +42,10 @@ class ChurchillChu(NamedTuple):
         return 0.387 / (1 + (self.c / prandtl) ** (9 / 16)) ** (8 / 27)
 
 
-PLATE = ChurchillChu(0.825, 0.492)
+PLATE = _ChurchillChu(0.825, 0.492)
 """Vertical plate; L is its height."""
 
-CYLINDER = ChurchillChu(0.6, 0.559)
+CYLINDER = _ChurchillChu(0.6, 0.559)
 """Horizontal cylinder; L is its diameter."""
 
 CYLINDER_OVER_PLATE = CYLINDER.b(0.71) / PLATE.b(0.71)

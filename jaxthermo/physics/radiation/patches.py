@@ -135,7 +135,7 @@ class _Patches:
         return np.asarray(patch)
 
 
-class ThinWall(NamedTuple):
+class _ThinWall(NamedTuple):
     """Patches of both sides of a thin wall, by cells of its faces.
 
     A face with the corners a, b, c is divided along a - b and along a - c. A cell has
@@ -157,7 +157,7 @@ class ThinWall(NamedTuple):
     """Space in front of and behind each face."""
 
     @classmethod
-    def of_grid(cls, grid: SheetGrid, patch: Int[np.ndarray, " s"]) -> "ThinWall":
+    def of_grid(cls, grid: SheetGrid, patch: Int[np.ndarray, " s"]) -> "_ThinWall":
         """Cells of a sheet's faces, from the patch of each of its fragments."""
         triangles = grid.mesh.vertices[grid.mesh.faces[grid.traced_faces]]
         edges = triangles[:, 1:] - triangles[:, :1]
@@ -213,7 +213,7 @@ class PatchedBody(NamedTuple):
     """Counter-clockwise seen from outside."""
     patches: _Patches
     pose: Pose = Pose()
-    wall: ThinWall | None = None
+    wall: _ThinWall | None = None
     """Pieces of a thin wall; None for a solid."""
 
     @property
@@ -240,7 +240,7 @@ class PatchedBody(NamedTuple):
         wall = None
         if isinstance(grid, SheetGrid):
             mesh_faces = mesh_faces[grid.traced_faces]
-            wall = ThinWall.of_grid(grid, patches.patch)
+            wall = _ThinWall.of_grid(grid, patches.patch)
         # Scanners leave strays far away, which are no part of what a view shows.
         used = np.zeros(len(mesh.vertices), bool)
         used[mesh_faces.reshape(-1)] = True

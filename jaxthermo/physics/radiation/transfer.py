@@ -6,8 +6,8 @@ With the emissive power E of each patch [W/m^2], its irradiation is
 
 | patches | operator |
 | --- | --- |
-| few | `SolvedTransfer`: H = K E + k_s E_s, with the dense matrix K solved once |
-| many | `IteratedTransfer`: the sparse matrix F, H by conjugate gradients each time |
+| few | `_SolvedTransfer`: H = K E + k_s E_s, with the dense matrix K solved once |
+| many | `_IteratedTransfer`: the sparse matrix F, H by conjugate gradients each time |
 
 Source: Hottel and Sarofim, Radiative Transfer (1967).
 """
@@ -45,7 +45,7 @@ class AbstractTransfer(Module):
         """Irradiation of each patch for emissive powers, surroundings at 0 [W/m^2]."""
 
 
-class SolvedTransfer(AbstractTransfer):
+class _SolvedTransfer(AbstractTransfer):
     """Irradiation by a dense matrix."""
 
     matrix: Float[Array, "p p"]
@@ -71,7 +71,7 @@ class _Rows(NamedTuple):
         return jax.ops.segment_sum(part, self.row, len(vector), indices_are_sorted=True)
 
 
-class IteratedTransfer(AbstractTransfer):
+class _IteratedTransfer(AbstractTransfer):
     """Irradiation by view factors as a sparse matrix."""
 
     between: _Rows
@@ -102,7 +102,7 @@ class IteratedTransfer(AbstractTransfer):
         return (direct + self.between.product(weight * solved)) / self.area
 
 
-class Transfer(NamedTuple):
+class _Transfer(NamedTuple):
     """Irradiation of patches by patches, and by what is around them."""
 
     between: AbstractTransfer
@@ -116,7 +116,7 @@ def transfer(
     emissivity: Float[Any, " p"],
     around: Float[np.ndarray, "p k"],
     dtype: Any,
-) -> Transfer:
+) -> _Transfer:
     """The exchange of patches of mean emissivities.
 
     `around` are the view factors to the surroundings, or to the sky and the ground; the
@@ -133,8 +133,8 @@ def transfer(
     direct = [factor * emissivity[None], xp.asarray(around, wide)]
     solved = xp.linalg.solve(reflection, xp.concatenate(direct, axis=1))
     matrix = device_array(solved[:, :count], dtype)
-    return Transfer(
-        SolvedTransfer(matrix), around=device_array(solved[:, count:], dtype)
+    return _Transfer(
+        _SolvedTransfer(matrix), around=device_array(solved[:, count:], dtype)
     )
 
 
@@ -143,17 +143,17 @@ def _iterated(
     emissivity: Float[Any, " p"],
     around: Float[np.ndarray, "p k"],
     dtype: Any,
-) -> Transfer:
+) -> _Transfer:
     # Geometry is known also while the emissivities are traced.
     with jax.ensure_compile_time_eval():
         rows = _rows(views, dtype)
         area = device_array(views.area, dtype)
         direct = device_array(views.area[:, None] * around, dtype)
-    between = IteratedTransfer(
+    between = _IteratedTransfer(
         between=rows, area=area, emissivity=device_array(emissivity, dtype)
     )
     seen = [between.reflected(column) for column in direct.T]
-    return Transfer(between, around=jnp.stack(seen, axis=1))
+    return _Transfer(between, around=jnp.stack(seen, axis=1))
 
 
 def _rows(views: ViewFactors, dtype: Any) -> _Rows:
