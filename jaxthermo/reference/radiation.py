@@ -1,7 +1,5 @@
 """Radiation between grey surfaces, of the sun, and of a lumped body."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..arrays import HostFloat, Quantity, Scalar
@@ -28,40 +26,6 @@ def between_plates(
     resistance = 1 / float(emissivity_hot) + 1 / float(emissivity_cold) - 1
     gap = float(hot) ** 4 - float(cold) ** 4
     return STEFAN_BOLTZMANN * gap / resistance
-
-
-class _Shielded(NamedTuple):
-    """Radiation between two plates with a shield between them."""
-
-    heat_flux: float
-    """From the hot plate to the cold one [W/m^2]."""
-    shield: float
-    """Temperature of the shield [K]."""
-
-
-def between_shielded_plates(
-    hot: Scalar,
-    cold: Scalar,
-    *,
-    emissivity_hot: Scalar,
-    emissivity_cold: Scalar,
-    emissivity_to_hot: Scalar,
-    emissivity_to_cold: Scalar,
-) -> _Shielded:
-    """Heat flux between two infinite plates, and the temperature of a thin shield.
-
-    q = sigma (T_1^4 - T_2^4) / (r_1 + r_2), sigma T_s^4 = sigma T_1^4 - q r_1,
-    r_1 = 1 / eps_1 + 1 / eps_s1 - 1, r_2 = 1 / eps_s2 + 1 / eps_2 - 1
-
-    with the emissivities of the shield's faces to the hot and to the cold plate. With
-    equal ones the flux is half of `between_plates`. Source: Incropera et al., 13.3.4.
-    """
-    first = 1 / float(emissivity_hot) + 1 / float(emissivity_to_hot) - 1
-    second = 1 / float(emissivity_to_cold) + 1 / float(emissivity_cold) - 1
-    emission = STEFAN_BOLTZMANN * float(hot) ** 4
-    flux = (emission - STEFAN_BOLTZMANN * float(cold) ** 4) / (first + second)
-    shield = ((emission - flux * first) / STEFAN_BOLTZMANN) ** 0.25
-    return _Shielded(heat_flux=flux, shield=shield)
 
 
 def between_spheres(

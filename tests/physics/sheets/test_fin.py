@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.reference.sheets import fin, fin_heat_rate
+from tests.fin_forms import fin, fin_heat_rate
 from tests.sheet_bodies import (
     at_nodes,
     badly_meshed_strip,

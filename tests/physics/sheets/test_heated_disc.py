@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.reference.sheets import heated_disc, junction
+from tests.fin_forms import heated_disc, junction
 from tests.sheet_bodies import (
     at_nodes,
     disc,

@@ -5,14 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 import jaxthermo as jt
-from jaxthermo.reference.walls import (
+from tests.sheet_bodies import BACK, FRONT, plate
+from tests.wall_forms import (
     Air,
     WallLayer,
     layered_wall,
     periodic_ground,
     through_wall,
 )
-from tests.sheet_bodies import BACK, FRONT, plate
 
 
 def material_of(layer):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.reference.radiation import between_shielded_plates
 from tests.sheet_bodies import plate
+from tests.wall_forms import between_shielded_plates
 
 
 GREY = jt.Material(50.0, density=8000.0, specific_heat=500.0, emissivity=0.8)

@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.geometry.vectors import triangle_normals, unit_vectors
-from jaxthermo.reference.sheets import sunlit_cylinder, sunlit_sphere
+from jaxthermo.reference.sheets import sunlit_sphere
+from tests.fin_forms import sunlit_cylinder
 from tests.sheet_bodies import FRONT, at_nodes, open_cylinder
 
 

@@ -5,10 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from jaxthermo.reference import radiation, walls
+from jaxthermo.reference.radiation import between_plates
 from jaxthermo.reference.semi_infinite import surface_convection
 from jaxthermo.reference.slab import slab_convection
-from jaxthermo.reference.walls import Air, WallLayer
+from tests import wall_forms
+from tests.wall_forms import Air, WallLayer
 
 
 BRICK = WallLayer(0.2, conductivity=0.8, capacity=1.4e6)
@@ -48,7 +49,7 @@ def by_differences(layers, time, initial, first, second, count=60):
 def test_layered_wall_agrees_with_differences(layers, time):
     load = {"initial": 293.15, "first": INSIDE, "second": OUTSIDE}
     position, cells = by_differences(layers, time, **load)
-    exact = walls.layered_wall(position, time, layers=layers, **load)
+    exact = wall_forms.layered_wall(position, time, layers=layers, **load)
     assert np.ptp(exact) > 1
     assert_allclose(cells, exact, atol=0.02)
 
@@ -56,7 +57,7 @@ def test_layered_wall_agrees_with_differences(layers, time):
 def test_layered_wall_of_one_material_is_a_slab():
     position = np.linspace(-0.2, 0.2, 9)
     air = Air(300.0, 8.0)
-    temperature = walls.layered_wall(
+    temperature = wall_forms.layered_wall(
         position + 0.2,
         20000.0,
         initial=310.0,
@@ -71,7 +72,7 @@ def test_layered_wall_of_one_material_is_a_slab():
 
 def test_thick_wall_is_a_half_space_at_first():
     depth = np.array([0.0, 0.01, 0.03])
-    temperature = walls.layered_wall(
+    temperature = wall_forms.layered_wall(
         depth,
         1500.0,
         initial=293.15,
@@ -95,7 +96,7 @@ def test_every_eigenvalue_of_a_wall_is_there():
     layers = (STEEL, FOAM, BRICK)
     # The series gives the initial state near t = 0 only if no term is missing.
     position = np.linspace(0.001, 0.259, 40)
-    temperature = walls.layered_wall(
+    temperature = wall_forms.layered_wall(
         position,
         20.0,
         initial=293.15,
@@ -109,12 +110,12 @@ def test_every_eigenvalue_of_a_wall_is_there():
 
 def test_steady_flow_through_a_wall():
     pane = (WallLayer(0.004, conductivity=1.0, capacity=2e6),)
-    flow = walls.through_wall(INSIDE, pane, OUTSIDE)
+    flow = wall_forms.through_wall(INSIDE, pane, OUTSIDE)
     assert flow.transmittance == pytest.approx(1 / (1 / 8 + 0.004 + 1 / 25))
     assert flow.heat_flux == pytest.approx(30 * flow.transmittance)
     drop = flow.first_surface - flow.second_surface
     assert drop == pytest.approx(flow.heat_flux * 0.004)
-    at_end = walls.layered_wall(
+    at_end = wall_forms.layered_wall(
         np.array([0.0, 0.004]),
         1e6,
         initial=280.0,
@@ -127,7 +128,7 @@ def test_steady_flow_through_a_wall():
 
 def soil_wave(depth, **options):
     """Response of soil to the day."""
-    return walls.periodic_ground(
+    return wall_forms.periodic_ground(
         depth, period=86400.0, conductivity=1.2, capacity=2e6, **options
     )
 
@@ -168,7 +169,7 @@ def test_room_agrees_with_the_matrix_exponential():
     rates = np.array([[-(3.0 + 2.0) / 500.0, 2.0 / 500.0], [2.0 / 80.0, -2.5 / 80.0]])
     steady = np.linalg.solve(rates, [-40.0 / 500.0, 0.0])
     time = np.array([0.0, 30.0, 300.0])
-    room = walls.room_of_air(
+    room = wall_forms.room_of_air(
         time,
         initial_wall=300.0,
         initial_air=290.0,
@@ -191,8 +192,8 @@ def test_room_agrees_with_the_matrix_exponential():
 
 
 def test_shield_halves_the_radiation_between_plates():
-    bare = radiation.between_plates(600.0, 300.0, 0.8, 0.8)
-    shielded = radiation.between_shielded_plates(
+    bare = between_plates(600.0, 300.0, 0.8, 0.8)
+    shielded = wall_forms.between_shielded_plates(
         600.0,
         300.0,
         emissivity_hot=0.8,
@@ -205,7 +206,7 @@ def test_shield_halves_the_radiation_between_plates():
 
 
 def test_shield_is_where_both_gaps_pass_the_same_flux():
-    shielded = radiation.between_shielded_plates(
+    shielded = wall_forms.between_shielded_plates(
         600.0,
         300.0,
         emissivity_hot=0.9,
@@ -213,7 +214,7 @@ def test_shield_is_where_both_gaps_pass_the_same_flux():
         emissivity_to_hot=0.1,
         emissivity_to_cold=0.3,
     )
-    warm = radiation.between_plates(600.0, shielded.shield, 0.9, 0.1)
-    cool = radiation.between_plates(shielded.shield, 300.0, 0.3, 0.5)
+    warm = between_plates(600.0, shielded.shield, 0.9, 0.1)
+    cool = between_plates(shielded.shield, 300.0, 0.3, 0.5)
     assert warm == pytest.approx(shielded.heat_flux)
     assert cool == pytest.approx(shielded.heat_flux)

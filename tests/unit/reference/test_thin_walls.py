@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import solveh_banded
 
-from jaxthermo.reference import sheets
+from jaxthermo.reference.sheets import sunlit_sphere
+from tests import fin_forms
 
 
 K = 8e-3
@@ -35,7 +36,7 @@ def test_fin_obeys_its_equation_and_passes_its_heat_through_the_base():
     length = 0.1
     x = np.linspace(0, length, 2001)
     load = {"sheet_conductance": K, "heat_transfer_coefficient": H}
-    theta = sheets.fin(x, length=length, **load)
+    theta = fin_forms.fin(x, length=length, **load)
     assert theta[0] == 1
     step = x[1]
     curvature = (theta[2:] - 2 * theta[1:-1] + theta[:-2]) / step**2
@@ -43,7 +44,7 @@ def test_fin_obeys_its_equation_and_passes_its_heat_through_the_base():
     # No heat passes the tip.
     assert abs(theta[-1] - theta[-2]) < 2e-5 * theta[-1] + H / K * step**2
     lost = H * 0.3 * np.trapezoid(theta, x)
-    assert sheets.fin_heat_rate(length=length, width=0.3, **load) == pytest.approx(
+    assert fin_forms.fin_heat_rate(length=length, width=0.3, **load) == pytest.approx(
         lost, rel=1e-6
     )
 
@@ -55,7 +56,7 @@ def test_cylinder_agrees_with_differences_around_it():
         np.ones_like,
         lambda s: FLUX * np.maximum(np.cos(s / RADIUS), 0),
     )
-    exact = sheets.sunlit_cylinder(
+    exact = fin_forms.sunlit_cylinder(
         centre / RADIUS,
         radius=RADIUS,
         sheet_conductance=K,
@@ -73,7 +74,7 @@ def test_sphere_agrees_with_differences_from_pole_to_pole():
         lambda s: 2 * np.pi * RADIUS * np.sin(s / RADIUS),
         lambda s: FLUX * np.maximum(np.cos(s / RADIUS), 0),
     )
-    exact = sheets.sunlit_sphere(
+    exact = sunlit_sphere(
         centre / RADIUS,
         radius=RADIUS,
         sheet_conductance=K,
@@ -85,7 +86,7 @@ def test_sphere_agrees_with_differences_from_pole_to_pole():
 
 @pytest.mark.parametrize(
     ("form", "share"),
-    [(sheets.sunlit_cylinder, 1 / np.pi), (sheets.sunlit_sphere, 1 / 4)],
+    [(fin_forms.sunlit_cylinder, 1 / np.pi), (sunlit_sphere, 1 / 4)],
 )
 def test_walls_in_the_sun_lose_what_they_absorb(form, share):
     load = {"radius": RADIUS, "heat_transfer_coefficient": H, "heat_flux": FLUX}
@@ -101,7 +102,7 @@ def test_walls_in_the_sun_lose_what_they_absorb(form, share):
     assert np.ptp(form(angle, sheet_conductance=1e6, **load)) < 1e-4
 
 
-@pytest.mark.parametrize("form", [sheets.sunlit_cylinder, sheets.sunlit_sphere])
+@pytest.mark.parametrize("form", [fin_forms.sunlit_cylinder, sunlit_sphere])
 def test_walls_warm_as_their_equation_says(form):
     def at(time):
         return form(
@@ -128,7 +129,7 @@ def test_disc_agrees_with_differences_along_its_radius():
     centre, theta = solve_rings(
         edges, lambda r: 2 * np.pi * r, lambda r: FLUX * (r < heated)
     )
-    exact = sheets.heated_disc(
+    exact = fin_forms.heated_disc(
         centre,
         radius=RADIUS,
         heated_radius=heated,
@@ -142,7 +143,7 @@ def test_disc_agrees_with_differences_along_its_radius():
 
 
 def test_disc_that_is_heated_everywhere_is_uniform():
-    theta = sheets.heated_disc(
+    theta = fin_forms.heated_disc(
         np.linspace(0, RADIUS, 7),
         radius=RADIUS,
         heated_radius=RADIUS,
@@ -156,15 +157,15 @@ def test_disc_that_is_heated_everywhere_is_uniform():
 def test_three_equal_strips_share_the_temperature_of_their_ends():
     strips = {"length": (0.1,) * 3, "sheet_conductance": (K,) * 3}
     ends = (1.0, 0.0, 0.0)
-    excess = sheets.junction(ends, heat_transfer_coefficient=(0.0,) * 3, **strips)
+    excess = fin_forms.junction(ends, heat_transfer_coefficient=(0.0,) * 3, **strips)
     assert excess == pytest.approx(1 / 3, rel=1e-14)
-    nearly = sheets.junction(ends, heat_transfer_coefficient=(1e-9,) * 3, **strips)
+    nearly = fin_forms.junction(ends, heat_transfer_coefficient=(1e-9,) * 3, **strips)
     assert nearly == pytest.approx(1 / 3, rel=1e-6)
 
 
 def test_two_strips_with_a_loss_are_one_fin_with_two_given_ends():
     m = np.sqrt(H / K)
-    excess = sheets.junction(
+    excess = fin_forms.junction(
         (3.0, 1.0),
         length=(0.03, 0.05),
         sheet_conductance=(K, K),
