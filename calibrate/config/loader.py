@@ -14,14 +14,14 @@ from .schema import CalibrationConfig
 
 
 def load_calibration(
-    path: str | Path, overrides: tuple[str, ...] = (), *, find_files: bool = True
+    path: str | Path, overrides: tuple[str, ...] = ()
 ) -> CalibrationConfig:
     """Read and check a calibration config; each mistake is a line of one `InputError`.
 
     The scene is searched for beside the file. Overrides, "a.b=c" each, are applied in
-    order. With `find_files` a named file that does not exist is a mistake.
+    order.
     """
-    return load_model(CalibrationConfig, path, overrides, find_files=find_files)
+    return load_model(CalibrationConfig, path, overrides)
 
 
 def changed_config(

@@ -267,20 +267,15 @@ def _value(key: str, value: Any) -> AxisValue:
     return AxisValue.model_construct(label=text_of(value), set={key: value})
 
 
-def load_sweep(
-    path: str | Path, overrides: Sequence[str] = (), *, find_files: bool = True
-) -> SweepConfig:
+def load_sweep(path: str | Path, overrides: Sequence[str] = ()) -> SweepConfig:
     """Read and check the config of a sweep; each mistake is a line of an `InputError`.
 
     Args:
         path: of the file, beside which the scene is searched for.
         overrides: texts "a.b=c", applied in order.
-        find_files: False to accept names of files that do not exist.
     """
     needs = "a sweep needs `scene`, `axes` and `truth`"
-    return load_model(
-        SweepConfig, path, overrides=overrides, needs=needs, find_files=find_files
-    )
+    return load_model(SweepConfig, path, overrides=overrides, needs=needs)
 
 
 def sweep_hash(config: SweepConfig) -> str:

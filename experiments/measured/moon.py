@@ -29,6 +29,7 @@ _SOLAR_CONSTANT = 1361.0  # [W/m^2]
 _HEAT_FLOW = 0.018  # [W/m^2], from below
 _SCALE = 0.07  # [m]
 _DEPTH = 0.9  # [m]
+_PITCH = 4e-3  # [m]
 _DENSITY = 1800.0  # [kg/m^3], far below
 _CONDUCTIVITY = 3.4e-3  # [W/(m K)], far below
 _SPACE = 3.0  # [K]
@@ -183,9 +184,9 @@ def sunlight(site: _Site, time: Float[np.ndarray, " t"]) -> Float[np.ndarray, " 
     return (1 - albedo) * _SOLAR_CONSTANT * height
 
 
-def _scene(sites: tuple[_Site, ...], pitch: float, lunations: int) -> jt.Scene:
+def _scene(sites: tuple[_Site, ...], lunations: int) -> jt.Scene:
     """A column of regolith for each site, all of one body; they start at noon."""
-    structure = columns(len(sites), pitch)
+    structure = columns(len(sites), _PITCH)
     bottom, top = structure.grid.mesh.bounds[:, 2]
     body = jt.Body(structure, regolith(), temperature=_START)
     time = np.linspace(0.0, lunations * LUNATION, lunations * _SUN_TIMES + 1)
@@ -196,14 +197,14 @@ def _scene(sites: tuple[_Site, ...], pitch: float, lunations: int) -> jt.Scene:
     ]
     probes = {}
     for n, site in enumerate(sites):
-        middle = (2 * n + 0.5) * pitch
+        middle = (2 * n + 0.5) * _PITCH
         column = jt.Region(
-            (middle - pitch, 0.0, bottom), upper=(middle + pitch, pitch, top)
+            (middle - _PITCH, 0.0, bottom), upper=(middle + _PITCH, _PITCH, top)
         )
         probe = float(packed(np.full(1, site.depth))[0])
         light = jt.Table(time, sunlight(site, time))
         terms.append(jt.Sun((0.0, 0.0, -1.0), light, on=column & sky))
-        probes[site.name] = (middle, pitch / 2, -probe)
+        probes[site.name] = (middle, _PITCH / 2, -probe)
     return jt.Scene(
         (body,),
         tuple(terms),
@@ -214,13 +215,13 @@ def _scene(sites: tuple[_Site, ...], pitch: float, lunations: int) -> jt.Scene:
 
 
 def last_days(
-    sites: tuple[_Site, ...] = SITES, pitch: float = 4e-3, lunations: int = 40
+    sites: tuple[_Site, ...] = SITES, lunations: int = 40
 ) -> tuple[_Day, ...]:
     """The last of several lunations, of each site."""
     hour = np.linspace(12.0, 36.0, 193)
     saves = (lunations - 1 + (hour - 12.0) / 24.0) * LUNATION
     solver = jt.SuperTimeStepping(dt=LUNATION / _SUN_TIMES)
-    moon = _scene(sites, pitch, lunations)
+    moon = _scene(sites, lunations)
     solution = jt.simulate(moon, float(saves[-1]), saves.tolist(), solver=solver)
     grid = moon.bodies[0].structure.grid
     tops = np.flatnonzero(grid.fragment_normal[:, 2] > 0.5)

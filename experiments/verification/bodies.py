@@ -132,9 +132,10 @@ def of_blocks(
     return jt.Mesh(np.stack(vertices, axis=1), number.reshape(-1, 3), "blocks")
 
 
-def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> jt.Mesh:
+def hollow_hemisphere(inner: float, outer: float) -> jt.Mesh:
     """The upper half of a spherical shell of two radii [m], closed by a flat ring."""
     # Steps from the pole to the ring; four times as many around.
+    steps = 32
     angle = np.pi / 2 * np.arange(steps + 1) / steps
     arc = np.column_stack([np.sin(angle), np.cos(angle)])
     # The cosine of a right angle is not 0 in floating point: the ring must be flat.

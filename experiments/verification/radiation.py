@@ -34,14 +34,13 @@ from .bodies import bar, conductor
 
 _X, _Y, _Z = np.eye(3)
 _ORIGIN = np.zeros(3)
+_CORNERS = 8192
 
 
-def _disc(radius: float, corners: int = 8192) -> np.ndarray:
-    """A polygon for a disc 1 m above an element, seen from below [m]."""
-    turn = -2 * np.pi * np.arange(corners) / corners
-    x = radius * np.cos(turn)
-    y = radius * np.sin(turn)
-    return np.column_stack([x, y, np.ones(corners)])
+def _disc() -> np.ndarray:
+    """A polygon for a disc of radius 1 m, 1 m above an element, seen from below [m]."""
+    turn = -2 * np.pi * np.arange(_CORNERS) / _CORNERS
+    return np.column_stack([np.cos(turn), np.sin(turn), np.ones(_CORNERS)])
 
 
 def _seen(corners: np.ndarray) -> float:
@@ -74,7 +73,7 @@ def _view_factors() -> tuple[Check, ...]:
         "coaxial discs, r1 = r2 = H": coaxial_discs(1.0, 1.0, 1.0),
         "element under a disc, R = H": element_to_disc(1.0, 1.0),
     }
-    factors = (to_ceiling, to_wall, sides, discs, _seen(_disc(1.0)))
+    factors = (to_ceiling, to_wall, sides, discs, _seen(_disc()))
     return values(exact, factors, tolerance=1e-6)
 
 
@@ -127,7 +126,7 @@ def _plates() -> tuple[Check, ...]:
     square = np.array(corners, float)
     # 1e5 m stand for endless: what is beyond subtends 1e-5.
     strip = square * np.array([1e5, 1.0, 1.0])
-    fluxes = [black * _seen(p) for p in (square, strip, _disc(1.0))]
+    fluxes = [black * _seen(p) for p in (square, strip, _disc())]
     exact = {
         "plate of 2 x 2 m": black * 4 * element_to_rectangle(1.0, 1.0, 1.0),
         "endless strip of 2 m": black * element_to_strip(2.0, 1.0),

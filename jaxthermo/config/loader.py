@@ -71,7 +71,6 @@ def load_model(
     overrides: Sequence[str] = (),
     *,
     needs: str = NEEDS,
-    find_files: bool = True,
 ) -> _Model:
     """The config in a YAML file; a scene that it names is searched for in its folder.
 
@@ -80,7 +79,6 @@ def load_model(
         path: the file, whose name is the default of a `name`.
         overrides: texts "a.b=c", applied in order; c is YAML.
         needs: what the message for an empty file says.
-        find_files: False to accept names of files that do not exist.
 
     Raises:
         InputError: one line for each mistake in the config.
@@ -91,7 +89,7 @@ def load_model(
         model,
         data=data,
         path=path,
-        find_files=find_files,
+        find_files=True,
         source=partial(in_file, path),
     )
 

@@ -397,11 +397,11 @@ def spread(
     return xp.concatenate([xp.broadcast_to(xp.asarray(v, dtype), n) for v, n in pairs])
 
 
-def concatenated(values: Sequence[Any], axis: int = -1) -> Any:
-    """Arrays one after the other, on the host where none is traced."""
+def concatenated(values: Sequence[Any]) -> Any:
+    """Arrays joined along their last axis, on the host where none is traced."""
     if len(values) == 1:
         return values[0]
-    return namespace(values).concatenate(values, axis)
+    return namespace(values).concatenate(values, -1)
 
 
 class _PlacedSurface(NamedTuple):

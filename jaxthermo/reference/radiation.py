@@ -52,11 +52,9 @@ def between_spheres(
     return STEFAN_BOLTZMANN * area * gap / resistance
 
 
-def solar_irradiance(
-    temperature: Scalar, distance: Scalar = ASTRONOMICAL_UNIT
-) -> float:
-    """Normal irradiance of a black sun: sigma T^4 (R / d)^2 [W/m^2]; T [K], d [m]."""
-    dilution = (SUN_RADIUS / float(distance)) ** 2
+def solar_irradiance(temperature: Scalar) -> float:
+    """Irradiance of a black sun at the earth: sigma T^4 (R / d)^2 [W/m^2]; T [K]."""
+    dilution = (SUN_RADIUS / ASTRONOMICAL_UNIT) ** 2
     return STEFAN_BOLTZMANN * float(temperature) ** 4 * dilution
 
 
