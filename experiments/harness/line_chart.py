@@ -5,12 +5,10 @@ from typing import Any, Literal, NamedTuple
 
 import altair as alt
 
-from jaxthermo.report.chart import Chart, LogAxis, legend
+from jaxthermo.report.chart import COLOURS, Chart, LogAxis, legend
 from jaxthermo.report.numbers import significant
 
 
-# Told apart without any kind of cone: Okabe and Ito (2008).
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 _WIDTH = 560
 _HEIGHT = 360
 

@@ -17,6 +17,8 @@ from .templates import Html
 
 Chart = alt.Chart | alt.LayerChart | alt.FacetChart | alt.VConcatChart
 
+# Colours that differ for colour-blind readers too: Okabe and Ito (2008).
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 # Area of a point [px^2].
 POINT_AREA = 90.0
 

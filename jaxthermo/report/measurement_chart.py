@@ -9,14 +9,12 @@ import altair as alt
 from ..image.colour.draw_measurements import limits_in_words
 from ..image.colour.ticks import to_celsius
 from ..image.measurements import AbstractMeasurement, Isotherm, Reading, Spot
-from .chart import POINT_AREA, Chart, legend, write_chart
+from .chart import COLOURS, POINT_AREA, Chart, legend, write_chart
 
 
 _WIDTH = 640
 _HEIGHT = 300
 _LOW_HEIGHT = 160
-# Colours that differ for colour-blind readers too: Okabe and Ito (2008).
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 # More frames than this are a line without points.
 _MAX_POINTS = 40
 
@@ -92,14 +90,17 @@ def _measurement_chart(
             spread += rows
     channels = _channels(f"time [{unit}]", labels)
     point = len(times) <= _MAX_POINTS and alt.OverlayMarkDef(size=POINT_AREA / 3)
+
+    def lines(rows: list[_Row], y: alt.Y) -> alt.Chart:
+        chart = alt.Chart(alt.Data(values=rows))
+        chart = chart.mark_line(strokeWidth=2, point=point)
+        return chart.encode(y=y, x=channels.time, color=channels.colour)
+
     panels = []
     if means:
         name = "temperature [\N{DEGREE SIGN}C]"
         scale = alt.Scale(zero=False)
-        mean = alt.Y("mean:Q", title=name, scale=scale)
-        chart = alt.Chart(alt.Data(values=means))
-        lines = chart.mark_line(strokeWidth=2, point=point)
-        lines = lines.encode(y=mean, x=channels.time, color=channels.colour)
+        panel = lines(means, alt.Y("mean:Q", title=name, scale=scale))
         if spread:
             band = alt.Chart(alt.Data(values=spread)).mark_area(opacity=0.18)
             band = band.encode(
@@ -108,15 +109,12 @@ def _measurement_chart(
                 y=alt.Y("min:Q", title=name, scale=scale),
                 y2=alt.Y2("max:Q"),
             )
-            lines = alt.layer(band, lines)
-        panels.append(lines.properties(width=_WIDTH, height=_HEIGHT))
+            panel = alt.layer(band, panel)
+        panels.append(panel.properties(width=_WIDTH, height=_HEIGHT))
     if fractions:
         percent = alt.Y("percent:Q", title="fraction of the bodies [%]")
-        chart = alt.Chart(alt.Data(values=fractions))
-        lines = chart.mark_line(strokeWidth=2, point=point)
-        lines = lines.encode(y=percent, x=channels.time, color=channels.colour)
         height = _LOW_HEIGHT if means else _HEIGHT
-        panels.append(lines.properties(width=_WIDTH, height=height))
+        panels.append(lines(fractions, percent).properties(width=_WIDTH, height=height))
     below = "lines: means; bands: from the lowest to the highest" if spread else ""
     head = alt.TitleParams(title or "measurements", subtitle=below, anchor="start")
     return alt.VConcatChart(vconcat=panels, title=head)
@@ -130,7 +128,7 @@ class _Channels(NamedTuple):
 
 
 def _channels(time: str, labels: list[str]) -> _Channels:
-    colours = [_COLOURS[k % len(_COLOURS)] for k in range(len(labels))]
+    colours = [COLOURS[k % len(COLOURS)] for k in range(len(labels))]
     scale = alt.Scale(domain=labels, range=colours)
     along = alt.Scale(nice=False, zero=False)
     return _Channels(

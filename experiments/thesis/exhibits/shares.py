@@ -9,11 +9,10 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.provenance import processor
-from jaxthermo.report.chart import Chart, legend
+from jaxthermo.report.chart import COLOURS, Chart, legend
 from jaxthermo.timing import interleaved, timed_call
 
 from ...benchmarks.mixed import Runner
-from ...harness.line_chart import COLOURS
 from ...harness.meshes import START, STEEL
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged

@@ -9,6 +9,7 @@ from typing_extensions import override
 from ..types import quantities as si
 from ..types.files import FoundPath
 from ..types.model import Mistake, Model
+from .effects import range_mistakes
 from .image import CameraConfig, FieldOfView, Frames, Pixels
 from .scene import unit_of
 
@@ -143,11 +144,7 @@ class DatasetConfig(Model):
         if self.samples > 1 and not self.ranges:
             message = "all samples would be equal: give `ranges` to draw from"
             mistakes.append((("samples",), message))
-        low = self.low
-        high = self.high
-        if low is not None and high is not None and low >= high:
-            mistakes.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
-        return mistakes
+        return mistakes + range_mistakes(self.low, self.high)
 
     def _range_mistakes(self, name: str) -> list[Mistake]:
         mistakes: list[Mistake] = []

@@ -119,9 +119,14 @@ class _CountsConfig(TemperatureModel, builds="Counts", kind="counts"):
 
     @override
     def mistakes(self) -> list[Mistake]:
-        if self.low < self.high:
-            return []
-        return [(("high",), f"{self.high:g} K is not above `low`, {self.low:g} K")]
+        return range_mistakes(self.low, self.high)
+
+
+def range_mistakes(low: float | None, high: float | None) -> list[Mistake]:
+    """The mistake of a range of temperatures [K] whose ends do not increase."""
+    if low is None or high is None or low < high:
+        return []
+    return [(("high",), f"{high:g} K is not above `low`, {low:g} K")]
 
 
 EffectConfig = Annotated[

@@ -30,7 +30,7 @@ from ...image.surface.lens import (
 from ..messages import close_match
 from ..types import quantities as si
 from ..types.model import ByKind, Mistake, Model, Short, build
-from .effects import EffectConfig
+from .effects import EffectConfig, range_mistakes
 from .measurement import MeasurementConfig
 
 
@@ -293,10 +293,7 @@ class ImageConfig(Model):
             for number, effect_kind in enumerate(effect_kinds)
             if effect_kind in effect_kinds[:number]
         ]
-        low = self.low
-        high = self.high
-        if low is not None and high is not None and low >= high:
-            mistakes.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
+        mistakes += range_mistakes(self.low, self.high)
         try:
             names_of(build(self.measurements))
         except InputError as error:
