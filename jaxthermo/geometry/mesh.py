@@ -309,6 +309,17 @@ def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
     return labels.astype(np.int64)
 
 
+def part_bounds(
+    triangles: Float[np.ndarray, "f 3 3"], labels: Int[np.ndarray, "f"], count: int
+) -> Float[np.ndarray, "2 parts 3"]:
+    """Lowest and highest corner of the box around each part of a mesh [m]."""
+    low = np.full((count, 3), np.inf)
+    high = np.full((count, 3), -np.inf)
+    np.minimum.at(low, labels, triangles.min(axis=1))
+    np.maximum.at(high, labels, triangles.max(axis=1))
+    return np.stack([low, high])
+
+
 def connected_labels(
     count: int, links: Int[np.ndarray, "l 2"]
 ) -> Int[np.ndarray, "count"]:

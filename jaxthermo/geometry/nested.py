@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from .mesh import Mesh, edges_of, is_closed, part_labels, part_volumes, winding_number
+from .mesh import (
+    Mesh,
+    edges_of,
+    is_closed,
+    part_bounds,
+    part_labels,
+    part_volumes,
+    winding_number,
+)
 
 
 def filled_inner_surfaces(mesh: Mesh) -> int:
@@ -16,10 +24,7 @@ def filled_inner_surfaces(mesh: Mesh) -> int:
     if count < 2:
         return 0
     triangles = mesh.triangles
-    lower = np.full((count, 3), np.inf)
-    upper = np.full((count, 3), -np.inf)
-    np.minimum.at(lower, labels, triangles.min(axis=1))
-    np.maximum.at(upper, labels, triangles.max(axis=1))
+    lower, upper = part_bounds(triangles, labels, count)
     faces_outward = part_volumes(mesh, labels, count) > 0.0
     faces_outward &= is_closed(edges_of(mesh.faces), labels, count)
     number = 0

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from ..geometry.mesh import Mesh, connected_labels
+from ..geometry.mesh import Mesh, connected_labels, part_bounds
 from ..host_memory import available_bytes, require_memory
 from ..raster.fragments import DepthLayers, peel_mesh
 
@@ -150,11 +150,7 @@ def _stretched_by(mesh: Mesh, pitch: float) -> str:
     _, part = np.unique(root[mesh.faces[:, 0]], return_inverse=True)
     part = part.reshape(-1)
     count = int(part.max()) + 1
-    triangles = mesh.triangles
-    low = np.full((count, 3), np.inf)
-    high = np.full((count, 3), -np.inf)
-    np.minimum.at(low, part, triangles.min(axis=1))
-    np.maximum.at(high, part, triangles.max(axis=1))
+    low, high = part_bounds(mesh.triangles, part, count)
     area = np.bincount(part, np.linalg.norm(mesh.area_vectors, axis=1), count)
     main = area.argmax()
     size = np.maximum(high, high[main]) - np.minimum(low, low[main])
