@@ -108,9 +108,9 @@ def numba_explicit(scene: jt.Scene, end: float, save_at=None) -> Run:
     return _faster(body, explicit_run)
 
 
-def numba_rkl2(scene: jt.Scene, end: float, dt: float, save_at=None) -> Run:
+def numba_rkl2(scene: jt.Scene, end: float, dt: float) -> Run:
     """The same with steps of RKL2 up to `dt` [s]."""
-    body = linear_body(scene, end, save_at)
+    body = linear_body(scene, end)
     return _faster(body, lambda body: rkl2_run(body, dt))
 
 

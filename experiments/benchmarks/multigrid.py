@@ -36,6 +36,7 @@ from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.timing import Spread, timed_call
 
 from ..harness.agreement import largest_difference, require_within
+from ..harness.link_matrix import laplacian
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.present import show, table_of
 
@@ -134,12 +135,8 @@ def _system(height: int, dt: float | None) -> _System:
 
     links = structure.links()
     # Cut voxels share a part of their faces, and their nodes lie elsewhere.
-    g = _CONDUCTIVITY * links.area / (links.distance_src + links.distance_dst)
-    ends = (links.src, links.dst)
-    half = sparse.coo_array((g, ends), (n, n)).tocsr()
-    k = half + half.T
-    diagonal = sparse.diags_array(k.sum(axis=1) + m)
-    matrix = sparse.csr_array(diagonal - k)
+    g = _CONDUCTIVITY * links.area / links.length
+    matrix = sparse.csr_array(laplacian(links, g, n) + sparse.diags_array(m))
     b = 5000.0 * np.bincount(node, shone_on, n)
     levels = hierarchy(structure, network)
     return _System(

@@ -65,6 +65,9 @@ class PaperRow(TypedDict):
     blocks_s: float
 
 
+_SIZES = (1e9, 1e12)
+"""Numbers of voxels."""
+
 _MACHINES = (
     Machine(
         name="GPU of 3.35 TB/s, links of 450 GB/s",
@@ -90,10 +93,10 @@ _MACHINES = (
 )
 
 
-def on_paper(sizes: tuple[float, ...] = (1e9, 1e12)) -> list[PaperRow]:
+def on_paper() -> list[PaperRow]:
     """Rows for each size and machine, on the fewest devices and on the most useful."""
     rows: list[PaperRow] = []
-    for voxels in sizes:
+    for voxels in _SIZES:
         for machine in _MACHINES:
             fewest = machine.fewest_devices(voxels)
             useful = max(fewest, int(machine.useful_devices(voxels)))

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from scipy.sparse import coo_array, csr_array, diags_array, identity
+from scipy.sparse import csr_array, diags_array, identity
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import initial_state, plan_run
@@ -34,6 +34,7 @@ from jaxthermo.structures.structure import AbstractStructure, Links
 from jaxthermo.timing import Spread, interleaved, ratio_of
 
 from ..harness.agreement import largest_difference
+from ..harness.link_matrix import laplacian
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene, statue
 from ..harness.present import show, table_of
@@ -274,11 +275,10 @@ class _Conduction(NamedTuple):
 
 def _conduction(structure: AbstractStructure, material: jt.Material) -> _Conduction:
     links = structure.links()
-    length = links.distance_src + links.distance_dst
     heat = float(material.volumetric_heat_capacity)
     return _Conduction(
         links=links,
-        conductance=np.asarray(material.conductivity) * links.area / length,
+        conductance=np.asarray(material.conductivity) * links.area / links.length,
         capacity=heat * structure.nodes().volume,
     )
 
@@ -301,11 +301,9 @@ def _scipy_steps(
 ) -> Callable[[], np.ndarray]:
     """Steps T + A T of a matrix with an entry for each link at each node."""
     links, conductance, capacity = conduction
-    ends = (links.src, links.dst)
-    half = coo_array((conductance, ends), (len(capacity),) * 2).tocsr()
-    symmetric = half + half.T
-    change = symmetric - diags_array(symmetric.sum(axis=1))
-    step = identity(len(capacity)) + diags_array(dt / capacity) @ change
+    count = len(capacity)
+    loss = laplacian(links, conductance, count)
+    step = identity(count) - diags_array(dt / capacity) @ loss
     matrix = csr_array(step, dtype=np.float32)
 
     def steps() -> np.ndarray:

@@ -54,6 +54,11 @@ class Links(NamedTuple):
     distance_dst: Float[np.ndarray, " e"]
     """Distance from the shared face to `dst` [m]."""
 
+    @property
+    def length(self) -> Float[np.ndarray, " e"]:
+        """Distance between the nodes, through the shared face [m]."""
+        return self.distance_src + self.distance_dst
+
     def lengthened(self, ratio: Float[np.ndarray, " e"] | float) -> "Links":
         """Links with both distances multiplied by a ratio."""
         return self._replace(

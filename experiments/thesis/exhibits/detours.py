@@ -14,6 +14,7 @@ import jaxthermo as jt
 from jaxthermo.report.sheet import Tile, sheet
 from jaxthermo.structures.structure import AbstractStructure
 
+from ...harness.link_matrix import laplacian
 from ..bodies import SPHERE_RADIUS, sphere_grid
 from ..exhibit import Finding, Verdict, exhibit, judged
 from ..slices import Slice, level_legend
@@ -143,9 +144,8 @@ def _shortest_path(structure: AbstractStructure) -> _Path:
     nodes = structure.nodes()
     links = structure.links()
     count = len(nodes.volume)
-    length = links.distance_src + links.distance_dst
     ends = (links.src, links.dst)
-    graph = coo_array((length, ends), (count, count)).tocsr()
+    graph = coo_array((links.length, ends), (count, count)).tocsr()
     surface = np.flatnonzero(nodes.level == 0)
     middle = nodes.centre.mean(axis=0)
     # The surface node that is farthest along +x or -x, on the axis of the sphere.
@@ -168,14 +168,7 @@ def _conductance(structure: AbstractStructure) -> float:
     nodes = structure.nodes()
     links = structure.links()
     count = len(nodes.volume)
-    one_way = links.area / (links.distance_src + links.distance_dst)
-    ends = (
-        np.concatenate([links.src, links.dst]),
-        np.concatenate([links.dst, links.src]),
-    )
-    both_ways = np.tile(one_way, 2)
-    coupling = coo_array((both_ways, ends), (count, count)).tocsr()
-    laplace = (diags_array(coupling.sum(axis=1)) - coupling).tocsr()
+    laplace = laplacian(links, links.area / links.length, count)
     along = structure.grid.fragment_position[:, 0] / SPHERE_RADIUS
     temperature = np.zeros(count)
     is_cap = np.zeros(count, bool)

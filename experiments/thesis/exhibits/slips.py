@@ -11,6 +11,7 @@ from jaxthermo.geometry.shapes import box
 from jaxthermo.material.table import thesis_material
 from jaxthermo.physics.convection.air import conductivity, kinematic_viscosity, prandtl
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
+from jaxthermo.reference.radiation import solar_irradiance
 
 from ..exhibit import Finding, Verdict, exhibit
 from ..heated import END
@@ -24,8 +25,6 @@ _AROUND = 300.0
 # Cylinder of the comparisons [m], and wind, the fastest of section 6.2 [m/s].
 _DIAMETER = 0.1
 _WIND = 1.0
-# Nominal radius of the sun (IAU 2015) [m].
-_SUN_RADIUS = 6.957e8
 # Mass of a mole of copper [kg].
 _COPPER_MOLE = 0.063546
 # Height of a voxel of table 6.1 in a statue of half a metre [m].
@@ -46,18 +45,13 @@ def _slips_of_the_text(_: bool) -> Finding:
             "atoms": _atoms_in_a_voxel(_VOXEL),
             # The error by compression is the square of the largest Mach number.
             "compressibility": MAX_MACH**2,
-            "sun": _sun_at_the_earth(),
+            # A black sun of the thesis' 5800 K, above the air [W/m^2].
+            "sun": solar_irradiance(SOLAR_TEMPERATURE),
             "growth_of_conductance": _growth_of_conductance(),
             "consistency": _consistency_of_5_to_8(),
             "iterations_s": [END, END * 4000 / 3600],
         },
     )
-
-
-def _sun_at_the_earth() -> float:
-    """Irradiance of a black sun of the thesis' 5800 K, above the air [W/m^2]."""
-    distance = _SUN_RADIUS / constants.au
-    return STEFAN_BOLTZMANN * SOLAR_TEMPERATURE**4 * distance**2
 
 
 def _emission() -> dict[str, float]:
@@ -145,7 +139,7 @@ def _growth_of_conductance() -> float:
     links = structure.links()
     level = structure.nodes().level
     is_within = level[links.src] == level[links.dst]
-    conductance = links.area / (links.distance_src + links.distance_dst)
+    conductance = links.area / links.length
     coarse, fine = (
         np.median(conductance[is_within & (level[links.src] == number)])
         for number in (2, 1)

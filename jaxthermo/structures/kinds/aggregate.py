@@ -224,7 +224,7 @@ def _conductance(built: Built) -> Float[np.ndarray, " n"]:
     """Sum of A / L over the links of each node [m]."""
     links = built.links
     count = len(built.nodes.volume)
-    conductance = links.area / (links.distance_src + links.distance_dst)
+    conductance = links.area / links.length
     of_src = np.bincount(links.src, conductance, count)
     # Without links both are whole numbers.
     return 0.0 + of_src + np.bincount(links.dst, conductance, count)
