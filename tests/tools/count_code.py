@@ -11,9 +11,10 @@ Rules, the same for every package:
   comment line, nor a docstring line. Lines are all physical lines.
 - A *public name* is a function or class (constants are counted apart) at the top level
   of a module, without a leading underscore. It has an importer if `jaxthermo` exports
-  it or its whole module, if `[project.scripts]` of pyproject.toml calls it, if another
-  module of the three packages imports it by name, or if one imports its module and
-  reads it as an attribute. Names that only tests import are counted apart.
+  it or its whole module, if `[project.scripts]` of pyproject.toml or the catalogue of
+  experiments calls it, if another module of the three packages imports it by name, or
+  if one imports its module and reads it as an attribute. Names that only tests import
+  are counted apart.
 - A docstring *opens* with the first word of its text; the words in OPENINGS say nothing
   of what the thing is.
 - An *own import in a function* imports from the three packages inside a function.
@@ -146,7 +147,17 @@ def exported(root: Path) -> set[tuple[str, str]]:
             for node in tree.body
             if isinstance(node, _DEFINITIONS)
         }
-    return names | {tuple(script.split(":")) for script in scripts}
+    return names | {tuple(script.split(":")) for script in scripts} | catalogued(root)
+
+
+def catalogued(root: Path) -> set[tuple[str, str]]:
+    """Entries of the experiments, whose modules the catalogue imports by name."""
+    source = (root / "experiments" / "catalogue.py").read_text(encoding="utf-8")
+    return {
+        (f"experiments.{node.value}", "run")
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
 
 
 def public_names(module: Module) -> tuple[list[str], list[str]]:
