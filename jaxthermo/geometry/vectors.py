@@ -35,10 +35,10 @@ def cross_product(
     return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
-def unit_vectors(vectors: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k"]:
+def unit_vectors(vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
     """Scale the vectors on the last axis to length one; those of length zero stay."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > 0, length, 1)
+    length = row_length(vectors)
+    return vectors / np.where(length > 0, length, 1)[..., None]
 
 
 def triangle_normals(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "f 3"]:
@@ -57,10 +57,10 @@ def row_dot(
     return np.einsum("...i,...i->...", a, b)
 
 
-def row_length(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+def row_length(vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
     """Length of each row, as by `np.linalg.norm`."""
     # Which is slow along so short an axis.
-    x, y, z = vectors.T
+    x, y, z = np.moveaxis(vectors, -1, 0)
     return np.sqrt(x * x + y * y + z * z)
 
 

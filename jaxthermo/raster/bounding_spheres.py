@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import linear_map
-from ..geometry.vectors import row_dot
+from ..arrays import linear_map_in_columns
+from ..geometry.vectors import row_dot, row_length
 from ..memo.found import found
 
 
@@ -33,7 +33,7 @@ class _Spheres(NamedTuple):
         cls, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
     ) -> "_Spheres":
         """Those through the corners of boxes [m]."""
-        return cls((low + high) / 2, np.linalg.norm(high - low, axis=1) / 2)
+        return cls((low + high) / 2, row_length(high - low) / 2)
 
     def some(self, numbers: Int[np.ndarray, " m"]) -> "_Spheres":
         """Those of some numbers."""
@@ -41,9 +41,9 @@ class _Spheres(NamedTuple):
 
     def reach_into(self, spaces: HalfSpaces) -> Bool[np.ndarray, " n"]:
         """Flags of spheres that have a part in each half space."""
-        above = linear_map(self.centre, spaces.normal.T) - spaces.offset
-        length = np.linalg.norm(spaces.normal, axis=1)
-        return (above >= -length * self.radius[:, None]).all(axis=1)
+        above = linear_map_in_columns(self.centre, spaces.normal.T) - spaces.offset
+        length = row_length(spaces.normal)
+        return np.all(above >= -length * self.radius[:, None], axis=1)
 
 
 class BoundingSpheres(NamedTuple):
@@ -87,9 +87,13 @@ class BoundingSpheres(NamedTuple):
         """
         if not len(points):
             return np.zeros(len(directions), bool)
-        around = _Spheres.around(points.min(axis=0)[None], points.max(axis=0)[None])
+        # The extremes of a coordinate are found faster in a row of its own.
+        coordinates = np.ascontiguousarray(points.T)
+        around = _Spheres.around(
+            coordinates.min(axis=1)[None], coordinates.max(axis=1)[None]
+        )
         offset = self.runs.centre - around.centre
         reach = self.runs.radius + around.radius + margin
-        along = linear_map(offset, directions.T)
+        along = linear_map_in_columns(offset, directions.T)
         aside = row_dot(offset, offset)[:, None] - along**2
         return np.any(aside <= reach[:, None] ** 2, axis=0)

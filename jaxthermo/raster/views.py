@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..arrays import linear_map
+from ..arrays import linear_map, linear_map_in_columns
 from ..geometry.vectors import cross_product, unit_vector
 from .bounding_spheres import BoundingSpheres, HalfSpaces
 from .depth_buffer import nearest_depth
@@ -41,7 +41,7 @@ class OrthographicView:
 
     def project(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform world points [m] to (column, row, depth) in pixels."""
-        return self.scaled(linear_map(points, self.frame.T))
+        return self.scaled(linear_map_in_columns(points, self.frame.T))
 
     def scaled(self, turned: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform points in view axes [m] to (column, row, depth) in pixels."""
@@ -85,7 +85,7 @@ def fitted_view(
 ) -> _FittedView:
     """The view of `orthographic_view` with its points projected."""
     frame = view_frame(direction)
-    turned = linear_map(points, frame.T)
+    turned = linear_map_in_columns(points, frame.T)
     low = turned.min(0)
     high = turned.max(0)
     extent = (high - low)[:2]

@@ -10,6 +10,7 @@ from jaxthermo.arrays import (
     in_sorted,
     is_compiling,
     linear_map,
+    linear_map_in_columns,
     numbered,
     ranks,
     rows_of,
@@ -115,6 +116,9 @@ def test_a_linear_map_is_the_product_by_a_matrix(shape):
     np.testing.assert_allclose(product, vectors @ matrix, rtol=1e-12, atol=1e-14)
     np.testing.assert_array_equal(linear_map(vectors, np.eye(3)), vectors)
     assert linear_map(vectors.astype(np.float32), matrix).dtype == np.float64
+    in_columns = linear_map_in_columns(vectors, matrix)
+    np.testing.assert_array_equal(in_columns, product)
+    assert np.moveaxis(in_columns, -1, 0).flags.c_contiguous
 
 
 def test_compiling_is_told_from_computing():

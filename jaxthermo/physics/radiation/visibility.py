@@ -23,7 +23,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from ...arrays import linear_map
 from ...errors import InputError
-from ...geometry.vectors import row_dot, tangents
+from ...geometry.vectors import row_dot, tangents, unit_vector
 from ...host_memory import require_memory
 from ...memo.found import found
 from ...memo.stored import stored_search
@@ -36,7 +36,6 @@ from ...raster.views import (
     orthographic_view,
     perspective_views,
     pixels_at,
-    view_frame,
 )
 from ..surface import BodySurface
 from .free_lines import Sight, free_lines
@@ -192,7 +191,8 @@ def _samples(
 
 def _lit_bits(is_lit: Bool[np.ndarray, " n"]) -> Sight:
     """Samples of each point, one a bit, from those in the order of `_samples`."""
-    return np.packbits(is_lit.reshape(4, -1), axis=0, bitorder="little")[0]
+    first, second, third, fourth = is_lit.reshape(4, -1).view(np.uint8)
+    return first | second << 1 | third << 2 | fourth << 3
 
 
 @stored_search("shadows")
@@ -210,7 +210,7 @@ def sunlit_samples(
     largest one where each point has its own.
     """
     lit = np.zeros(len(position), np.uint8)
-    ahead = view_frame(direction)[2]
+    ahead = unit_vector(direction)
     facing = np.flatnonzero(normal @ ahead < 0)
     if not len(facing):
         return lit
