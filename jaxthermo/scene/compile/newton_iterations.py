@@ -47,14 +47,13 @@ def _iterations(programs: Sequence[Program], within: Forcing, end: float) -> int
     if any(terms.is_linear for terms in snapshots):
         return MAX_ITERATIONS
     first = programs[0]
+    mechanisms: dict[int, set[str]] = {}
+    for name, ends in first.entries:
+        if len(ends) == 1:
+            mechanisms.setdefault(ends[0], set()).add(name)
     iterations = []
     for body, cells in zip(first.bodies, first.fragments(), strict=True):
-        numbers = set(body.numbers)
-        acting = {
-            name
-            for name, ends in first.entries
-            if len(ends) == 1 and numbers.issuperset(ends)
-        }
+        acting = set().union(*(mechanisms.get(n, ()) for n in body.numbers))
         reference = _references(body)
         bounds = once(partial(_bounds, cells, reference, within, end))
         for terms in snapshots:
