@@ -372,10 +372,10 @@ def _require_all(values: Any, cls: type, field: str, give: str) -> None:
 
 def mechanism_names(scene: Scene) -> tuple[str, ...]:
     """One name per term: its kind, numbered from the second of a kind on."""
-    kinds = [term.name for term in scene.terms]
-    counts = [kinds[: n + 1].count(kind) for n, kind in enumerate(kinds)]
-    pairs = zip(kinds, counts, strict=True)
-    names = [kind if count == 1 else f"{kind}#{count}" for kind, count in pairs]
+    names = [term.name for term in scene.terms]
+    counts = [names[: n + 1].count(name) for n, name in enumerate(names)]
+    counted = zip(names, counts, strict=True)
+    names = [name if count == 1 else f"{name}#{count}" for name, count in counted]
     return tuple(names)
 
 
@@ -425,8 +425,8 @@ class BodyGeometry:
         if not self.is_two_sided:
             return self.faces
         # The same triangles wound the other way round.
-        both = [self.faces, self.faces[:, ::-1]]
-        return found((self.faces,), "both sides", lambda: np.concatenate(both))
+        sides = [self.faces, self.faces[:, ::-1]]
+        return found((self.faces,), "both sides", lambda: np.concatenate(sides))
 
 
 def body_geometry(

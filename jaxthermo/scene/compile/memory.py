@@ -169,16 +169,16 @@ def forecast_memory(
     )
     forecasts = [
         _forecast_of_kind(
-            kind,
+            body_kind,
             counts=counts,
             width=width,
             saves=saves,
             snapshots=snapshots,
             method=method,
         )
-        for kind, counts in counts_by_kind.items()
+        for body_kind, counts in counts_by_kind.items()
     ]
-    stencils = any(kind.network == "stencil" for kind in counts_by_kind)
+    stencils = any(body_kind.network == "stencil" for body_kind in counts_by_kind)
     allocator = _RUNTIME_STENCIL if stencils else 0
     retained, steps, rows, runtime = np.array(forecasts).sum(axis=0)
     return _MemoryForecast(
@@ -206,7 +206,7 @@ def _counts_by_kind(
         if number in joined:
             structure = as_links(structure)
         grid = structure.grid
-        kind = _Kind(
+        body_kind = _Kind(
             network=_network_of(structure),
             is_mixed=isinstance(body.material, AbstractMaterials),
             is_joined=number in joined,
@@ -215,12 +215,13 @@ def _counts_by_kind(
             is_sheet=isinstance(grid, SheetGrid),
         )
         grids.add(id(grid))
-        parts = _counts(structure)
+        body_counts = _counts(structure)
         if has_varying_links(body):
-            parts = parts._replace(varying_links=structure.link_count)
-        counts.setdefault(kind, []).append(parts)
+            body_counts = body_counts._replace(varying_links=structure.link_count)
+        counts.setdefault(body_kind, []).append(body_counts)
     return {
-        kind: _Parts(*np.array(parts).sum(axis=0)) for kind, parts in counts.items()
+        body_kind: _Parts(*np.array(listed).sum(axis=0))
+        for body_kind, listed in counts.items()
     }
 
 
@@ -244,7 +245,7 @@ class _KindForecast(NamedTuple):
 
 
 def _forecast_of_kind(
-    kind: _Kind,
+    body_kind: _Kind,
     counts: _Parts,
     width: int,
     saves: int,
@@ -255,22 +256,22 @@ def _forecast_of_kind(
     # steps evaluate is on the device of its section.
     read = counts._replace(fragments=counts.read_fragments)
     runtime = 0.0
-    if kind.network == "stencil":
+    if body_kind.network == "stencil":
         retained = _KEPT_STENCIL.bytes_of(read)
-        if kind.is_mixed:
+        if body_kind.is_mixed:
             retained += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
-        if kind.is_known:
+        if body_kind.is_known:
             retained -= _KEPT_ONCE_STENCIL.bytes_of(counts)
         step_bytes = _STEPS_STENCIL[method]
         solves = _SOLVES_STENCIL
-    elif kind.network == "runs":
+    elif body_kind.network == "runs":
         retained = _KEPT_RUNS.bytes_of(read)
         # Solves have a form of their own (`for_solves`).
         step_bytes = _STEPS_RUNS.get(method, _STEPS_LINKS[method])
         solves = _SOLVES_LINKS
     else:
         retained = _KEPT_LINKS.bytes_of(read)
-        if kind.network == "links of voxels":
+        if body_kind.network == "links of voxels":
             retained += _KEPT_VOXEL_LINKS.bytes_of(counts)
         step_bytes = _STEPS_LINKS[method]
         solves = _SOLVES_LINKS
@@ -278,14 +279,14 @@ def _forecast_of_kind(
         eliminated = _RUNTIME_COLUMNS.get(method, _Parts())
         runtime += eliminated.bytes_of(counts) * width / 4
     retained += solves.get(method, _Parts()).bytes_of(counts)
-    if kind.is_joined:
+    if body_kind.is_joined:
         retained += _KEPT_JOINED.bytes_of(counts)
-    if kind.is_joined and kind.is_known:
+    if body_kind.is_joined and body_kind.is_known:
         retained -= _KEPT_ONCE.bytes_of(counts)
     kept_snapshot = _KEPT_SNAPSHOT
-    if kind.moves:
+    if body_kind.moves:
         kept_snapshot = _KEPT_MOVED
-    elif kind.is_sheet:
+    elif body_kind.is_sheet:
         kept_snapshot = _KEPT_SNAPSHOT_OF_SHEET
     retained += (snapshots - 1) * kept_snapshot.bytes_of(read)
     retained += counts.varying_links * (8 * width + 8)
