@@ -43,7 +43,9 @@ _CELLS_OF_SHEET = 40
 """Number of cells along the longest edge of the assembly."""
 _VOXELS_THROUGH = 4
 _MAX_VOXELS = 200_000
-"""Number of voxels in the bounding box of a part."""
+"""Number of voxels in the bounding box of a part with a rule of its own."""
+_FINER = 2.0
+"""Pitch of so many voxels of a part over that of its rule, at most [-]."""
 
 
 class _Group(NamedTuple):
@@ -51,8 +53,13 @@ class _Group(NamedTuple):
 
     word: str
     """Material in the file, or node."""
-    is_solid: bool
-    """True for parts that enclose a volume."""
+    pitch: float | None
+    """Edge of the voxels of parts that enclose a volume; None for sheets [m]."""
+
+    @property
+    def is_solid(self) -> bool:
+        """True for parts that enclose a volume."""
+        return self.pitch is not None
 
 
 def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
@@ -63,14 +70,21 @@ def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
         meshes: its parts by name [m].
     """
     names = dict(zip(meshes, short_names(list(meshes)), strict=True))
-    groups: dict[_Group, list[str]] = defaultdict(list)
+    by_word: dict[tuple[str, bool], list[str]] = defaultdict(list)
     without_extent: list[str] = []
     for name, mesh in meshes.items():
         if not has_extent(mesh):
             without_extent.append(names[name])
             continue
         word = name.split("/")[-1].split("#")[0]
-        groups[_Group(word, encloses_volume(mesh))].append(name)
+        by_word[word, encloses_volume(mesh)].append(name)
+    groups: dict[_Group, list[str]] = {}
+    for (word, is_solid), of_word in by_word.items():
+        if is_solid:
+            for pitch, alike in _by_pitch({name: meshes[name] for name in of_word}):
+                groups.setdefault(_Group(word, pitch), []).extend(alike)
+        else:
+            groups[_Group(word, pitch=None)] = of_word
     corners = np.concatenate([mesh.bounds for mesh in meshes.values()])
     extent = float(np.ptp(corners, axis=0).max())
     lines = [_HEAD, "assembly:\n", f"  mesh: {write_flow(file)}\n"]
@@ -92,9 +106,9 @@ def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
         if is_word and last[group.word] == group:
             match = group.word
         parts = [meshes[name] for name in members]
-        rule = {"match": match, **_rule(group, parts)}
+        rule = {"match": match, **_rule(group)}
         lines.append(f"    - {write_flow(rule)}{_hint(group, parts)}\n")
-        pitch = _pitch(parts) if group.is_solid else cell
+        pitch = group.pitch or cell
         for name in members:
             divided[names[name]] = DividedPart(meshes[name], pitch, not group.is_solid)
     if without_extent:
@@ -125,22 +139,33 @@ def _joints(parts: Mapping[str, DividedPart]) -> Iterator[str]:
         yield f"    - {write_flow({'parts': ends, 'conductance': 'bonded'})}\n"
 
 
-def _rule(group: _Group, parts: list[Mesh]) -> dict[str, object]:
+def _rule(group: _Group) -> dict[str, object]:
     material = group.word if group.word in material_names() else _MATERIAL
     if group.is_solid:
-        return {"material": material, "pitch": _pitch(parts)}
+        return {"material": material, "pitch": group.pitch}
     layer = {"material": material, "thickness": _SHEET_THICKNESS}
     return {"sheet": {"layers": [layer]}}
 
 
-def _pitch(parts: list[Mesh]) -> float:
-    """Edge of the voxels of solids: some through each, if that is not too many."""
-    pitches = []
-    for mesh in parts:
+def _by_pitch(meshes: Mapping[str, Mesh]) -> Iterator[tuple[float, list[str]]]:
+    """Names of solids by the pitch that they share: some voxels through the thinnest.
+
+    A small part does not give a large one far too many voxels.
+    """
+    coarsest = {}
+    own_pitch = {}
+    for name, mesh in meshes.items():
         size = np.maximum(np.ptp(mesh.bounds, axis=0), 1e-9)
-        coarsest = float(np.prod(size) / _MAX_VOXELS) ** (1 / 3)
-        pitches.append(max(float(size.min()) / _VOXELS_THROUGH, coarsest))
-    return _two_digits(min(pitches))
+        coarsest[name] = float(np.prod(size) / _MAX_VOXELS) ** (1 / 3)
+        own_pitch[name] = max(float(size.min()) / _VOXELS_THROUGH, coarsest[name])
+    left = [*meshes]
+    while left:
+        pitch = min(own_pitch[name] for name in left)
+        yield (
+            _two_digits(pitch),
+            [name for name in left if coarsest[name] <= _FINER * pitch],
+        )
+        left = [name for name in left if coarsest[name] > _FINER * pitch]
 
 
 def _hint(group: _Group, parts: list[Mesh]) -> str:

@@ -5,6 +5,9 @@ import json
 import pytest
 
 from jaxthermo.__main__ import main
+from jaxthermo.cli.scene_start import scene_start
+from jaxthermo.config.strict_yaml import parse_yaml
+from jaxthermo.geometry.shapes import box
 from tests.mesh_files import GIVEN, box_gltf
 
 
@@ -90,6 +93,18 @@ def test_a_part_of_no_extent_has_a_line_and_is_left_out(printed, tmp_path):
     status, out, _ = printed(path, "--scene")
     assert status == 0
     assert "{match: [point], ignore: true}  # no extent" in out
+
+
+def test_small_parts_do_not_give_large_ones_their_voxels():
+    sizes = {"beam": (2.0, 0.2, 0.2), "rail": (1.5, 0.2, 0.1)}
+    sizes |= dict.fromkeys(("screw", "nut", "washer"), (0.006, 0.006, 0.02))
+    meshes = {
+        f"{node}/{node}/steel": box(size).moved((3.0 * number, 0.0, 0.0))
+        for number, (node, size) in enumerate(sizes.items())
+    }
+    start = parse_yaml(scene_start({"path": "beam.glb"}, meshes), "start")
+    rules = {str(rule["match"]): rule["pitch"] for rule in start["assembly"]["parts"]}
+    assert rules == {"['beam', 'rail']": 0.025, "steel": 0.0015}
 
 
 @pytest.mark.parametrize(
