@@ -32,11 +32,11 @@ def described(body: Body, report: StructureReport) -> list[str]:
     grid = body.structure.grid
     edge = f"{grid.pitch * 1e3:.4g} mm"
     if isinstance(body.structure, Sheet):
-        cells = f"{body.structure.surface_cells:,} cells of {edge} on a surface"
+        cells = f"{count(body.structure.surface_cells, 'cell')} of {edge} on a surface"
     else:
         shape = " x ".join(str(n) for n in grid.lattice.shape)
-        voxels = body.structure.voxels.solid_count
-        cells = f"{voxels:,} solid voxels of {edge} in {shape}"
+        voxels = count(body.structure.voxels.solid_count, "solid voxel")
+        cells = f"{voxels} of {edge} in {shape}"
     return [
         mesh_summary(grid.mesh),
         f"{cells}, {len(grid.fragment_area):,} surface fragments",
@@ -73,12 +73,12 @@ def body_lines(scene: Scene, descriptions: list[list[str]]) -> list[str]:
     return lines
 
 
-def _some(labels: list[str]) -> str:
-    """Some labels of many: "4 bodies: body 1 (a), body 2 (b), ..."."""
+def _some(labels: list[str], noun: str = "bodies") -> str:
+    """Some labels of many: "4 bodies (body 1 (a), body 2 (b), ..)"."""
     if len(labels) == 1:
         return labels[0]
     dots = ", .." if len(labels) > _MAX_NAMES else ""
-    return f"{len(labels):,} bodies ({', '.join(labels[:_MAX_NAMES])}{dots})"
+    return f"{len(labels):,} {noun} ({', '.join(labels[:_MAX_NAMES])}{dots})"
 
 
 class ReceiptRow(NamedTuple):
@@ -94,6 +94,7 @@ class ReceiptRow(NamedTuple):
     """[m^3]"""
     heat_rate: float
     """At the start [W]; NaN for conduction."""
+    is_of_pair: bool = False
 
     @property
     def cells(self) -> tuple[str, ...]:
@@ -118,7 +119,10 @@ def summed(rows: list[ReceiptRow]) -> list[ReceiptRow]:
     return [
         ReceiptRow(
             mechanism,
-            where=_some([row.where for row in same]),
+            where=_some(
+                [row.where for row in same],
+                noun="pairs" if same[0].is_of_pair else "bodies",
+            ),
             area=sum(row.area for row in same),
             share=math.nan,
             volume=sum(row.volume for row in same),

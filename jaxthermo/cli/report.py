@@ -103,6 +103,7 @@ def log_receipt(console: Console, plan: Plan) -> None:
                 share=part.surface_share,
                 volume=part.volume,
                 heat_rate=rate,
+                is_of_pair=len(part.bodies) == 2,
             )
         )
     if len(labels) > MAX_BODIES:

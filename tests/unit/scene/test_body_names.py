@@ -178,6 +178,23 @@ def test_rows_of_a_mechanism_are_summed():
     )
 
 
+def test_rows_of_a_joint_are_of_pairs():
+    rows = [
+        ReceiptRow(
+            "contact",
+            f"body {n} and body {n + 1}",
+            area=1.0,
+            share=0.5,
+            volume=0.0,
+            heat_rate=0.0,
+            is_of_pair=True,
+        )
+        for n in range(10)
+    ]
+    (row,) = summed(rows)
+    assert row.where.startswith("10 pairs (body 0 and body 1, body 1 and body 2, ")
+
+
 def test_names_are_no_leaves_of_a_scene(scene):
     leaves = jax.tree.leaves(scene)
     assert not any(isinstance(leaf, str) for leaf in leaves)
