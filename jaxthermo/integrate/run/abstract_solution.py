@@ -34,6 +34,7 @@ from ...arrays import (
 )
 from ...errors import InputError
 from ...extras import require_extra
+from ...geometry.part_names import unmatched_name
 from ...physics.radiation.irradiation import (
     Irradiance,
     SceneRadiation,
@@ -93,24 +94,34 @@ class AbstractSolution(Module):
         return html_of(self)
 
     @property
-    def of_body(self) -> Callable[[int], Float[Array | np.ndarray, "t _"]]:
-        """Function from the number of a body to its surface temperatures [K].
+    def of_body(self) -> Callable[[int | str], Float[Array | np.ndarray, "t _"]]:
+        """Function from the number or name of a body to its surface temperatures [K].
 
-        It has none of a body of air.
+        A body of air has none.
         """
         # No method: equinox goes through all bodies of a solution to bind one.
-        temperature, of_bodies = self.surface_temperature, self._fragments_of_bodies
-        nothing = slice(0, 0)
+        temperature = self.surface_temperature
+        fragments = self._fragments_of_bodies
+        numbers = self._numbers_by_name
 
-        def temperatures_of(index: int) -> Float[Array | np.ndarray, "t _"]:
-            has_surface = index < len(of_bodies)
-            return temperature[:, of_bodies[index] if has_surface else nothing]
+        def temperatures_of(body: int | str) -> Float[Array | np.ndarray, "t _"]:
+            if isinstance(body, str) and body not in numbers:
+                line = unmatched_name(body, list(numbers))
+                raise InputError(f"solution.of_body: {line}")
+            number = numbers[body] if isinstance(body, str) else body
+            has_surface = number < len(fragments)
+            return temperature[:, fragments[number] if has_surface else slice(0, 0)]
 
         return temperatures_of
 
     @cached_property
     def _fragments_of_bodies(self) -> list[slice]:
         return consecutive(len(s.geometry.fragment_area) for s in self.surfaces)
+
+    @cached_property
+    def _numbers_by_name(self) -> dict[str, int]:
+        names = [surface.geometry.name for surface in self.surfaces]
+        return {name: number for number, name in enumerate(names) if name}
 
     def load_time(self, index: int) -> Time | HostTime:
         """Return the time whose loads the surface shows at a saved time [s]."""

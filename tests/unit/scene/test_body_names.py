@@ -70,6 +70,15 @@ def test_frames_and_files_have_the_names(solution, tmp_path):
     assert json.loads(header["bodies"]) == {"0": "door.left", "1": ""}
 
 
+def test_temperatures_are_found_by_name(solution):
+    by_name = solution.of_body("door.left")
+    np.testing.assert_array_equal(by_name, solution.of_body(0))
+    count = len(GRID.fragment_area)
+    np.testing.assert_array_equal(by_name, solution.surface_temperature[:, :count])
+    with pytest.raises(InputError, match=r"no body has the name 'roof'; .*door\.left"):
+        solution.of_body("roof")
+
+
 def test_heat_through_a_contact_has_the_names(scene, solution, tmp_path):
     pair = "contact 0 (door.left)-1"
     for balance in (solution.energy, jt.steady(scene).heat_rates):
