@@ -67,10 +67,10 @@ def check_joints(scene: Scene, snapshots: Sequence[Snapshot]) -> None:
             continue
         if term.must_join and term.bodies not in joined:
             first, second = term.groups
+            # Without the number of the term: rules under `joints` have other numbers.
             raise InputError(
-                f"terms[{number}], {term.name}: {_listed(first)} and {_listed(second)} "
-                "are apart: move them together, give a larger `threshold`, or leave "
-                "this joint out"
+                f"{term.name}: {_listed(first)} and {_listed(second)} are apart: move "
+                "them together, give a larger `threshold`, or leave this joint out"
             )
 
 
