@@ -102,8 +102,12 @@ def _draw_labels(
         middle = np.array([np.median(row), np.median(column)])
         away = np.hypot(row - middle[0], column - middle[1])
         nearest = int(away.argmin())
-        at = (column[nearest] / _SAMPLES, row[nearest] / _SAMPLES)
-        _draw_text(draw, at=at, text=label, ink=INK, layout=layout)
+        text = layout.shorten(label, canvas.width - 2 * layout.gap)
+        # All of it in the picture, also of a body at the border.
+        margin = layout.width(text) / 2 + layout.gap
+        x = min(max(column[nearest] / _SAMPLES, margin), canvas.width - margin)
+        at = (x, row[nearest] / _SAMPLES)
+        _draw_text(draw, at=at, text=text, ink=INK, layout=layout)
 
 
 def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> None:

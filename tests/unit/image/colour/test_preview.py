@@ -72,6 +72,16 @@ def test_a_body_with_a_name_is_called_by_it():
     )
 
 
+def test_a_name_at_the_border_is_in_the_picture():
+    def letters(x):
+        picture, _ = draw_preview([at(x), at(0.3)], LEVEL, "", ["back plate", ""])
+        return (np.asarray(picture) > 200).all(-1).sum()
+
+    assert letters(0.0) > 50
+    for x in (-0.25, 0.25):
+        assert letters(x) == pytest.approx(letters(0.0), rel=0.05)
+
+
 def test_a_camera_that_sees_nothing_is_refused():
     camera = Camera((0.0, -1.0, 0.0), (0.0, -2.0, 0.0), width=20, height=20)
     with pytest.raises(InputError, match="sees no body"):
