@@ -348,6 +348,13 @@ def sorted_with_order(
     return packed, order
 
 
+def flat_index(
+    cells: Int[np.ndarray, "m 3"], shape: tuple[int, ...]
+) -> Int[np.ndarray, " m"]:
+    """Indices of cells in the flat array of a lattice of that shape."""
+    return np.asarray(np.ravel_multi_index(tuple(cells.T), shape))
+
+
 def sorted_union(
     first: Int[np.ndarray, " n"], *more_arrays: Int[np.ndarray, " _"]
 ) -> Int[np.ndarray, " k"]:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 from scipy.sparse import csr_array
 
-from ..arrays import consecutive
+from ..arrays import consecutive, flat_index
 from ..choices import Palette
 from ..geometry.mesh import Mesh
 from ..geometry.sample import mesh_sample
@@ -97,7 +97,7 @@ def _one_per_cell(
     cell = np.floor(sample.position / edge).astype(np.int64)
     cell -= cell.min(axis=0)
     size = cell.max(axis=0) + 1
-    key = np.ravel_multi_index(tuple(cell.T), tuple(size.tolist()))
+    key = flat_index(cell, tuple(size.tolist()))
     _, first = np.unique(key, return_index=True)
     return sample.position[first], sample.face[first]
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import device_array, sorted_union
+from ..arrays import device_array, flat_index, sorted_union
 from ..network.cut_stencil import CutStencil
 from ..network.link_operator import (
     RowLayout,
@@ -86,9 +86,9 @@ def _cut_nodes(structure: FullVolume, cut: CutVoxels) -> Int[np.ndarray, "n 3"]:
     """Voxels that are cut or have changed links, in the order of the state."""
     shape = structure.grid.solid.shape
     union = sorted_union(
-        _flat(cut.links.voxel, shape),
-        _flat(cut.links.voxel + cut.links.step, shape),
-        _flat(cut.voxel, shape),
+        flat_index(cut.links.voxel, shape),
+        flat_index(cut.links.voxel + cut.links.step, shape),
+        flat_index(cut.voxel, shape),
     )
     voxel = np.stack(np.unravel_index(union, shape), axis=1)
     if structure.sharded is None:
@@ -99,11 +99,11 @@ def _cut_nodes(structure: FullVolume, cut: CutVoxels) -> Int[np.ndarray, "n 3"]:
 def _cut_layout(structure: FullVolume, cut: CutVoxels) -> _CutLayout:
     voxel = _cut_nodes(structure, cut)
     shape = structure.grid.solid.shape
-    flat = _flat(voxel, shape)
+    flat = flat_index(voxel, shape)
     order = np.argsort(flat, kind="stable")
 
     def node_of(end: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, " m"]:
-        index = order[np.searchsorted(flat[order], _flat(end, shape))]
+        index = order[np.searchsorted(flat[order], flat_index(end, shape))]
         return np.asarray(index, np.int32)
 
     src = node_of(cut.links.voxel)
@@ -113,12 +113,6 @@ def _cut_layout(structure: FullVolume, cut: CutVoxels) -> _CutLayout:
         volume=device_array(structure.grid.volume_at(voxel)),
         rows=jax.tree.map(device_array, row_layout(len(voxel), src, dst)),
     )
-
-
-def _flat(
-    voxel: Int[np.ndarray, "m 3"], shape: tuple[int, ...]
-) -> Int[np.ndarray, " m"]:
-    return np.asarray(np.ravel_multi_index(tuple(voxel.T), shape))
 
 
 @jax.jit

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array, csr_array
 
-from ..arrays import device_array
+from ..arrays import device_array, flat_index
 from ..errors import InputError
 from ..native.call import require_native
 from ..native.runs import Runs
@@ -69,7 +69,7 @@ class NodeCells(NamedTuple):
 
     def at(self, voxel: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, " m"]:
         """Flat indices of voxels."""
-        return np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), self.shape))
+        return flat_index(voxel + 1, self.shape)
 
     def runs(self, regular: Bool[np.ndarray, " v"]) -> Int[np.ndarray, "r 6"]:
         """Runs along z of regular nodes, with six uncut links each, as in `Runs`."""

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import sorted_with_order
+from ..arrays import flat_index, sorted_with_order
 from .voxel_bits import VoxelBits, VoxelIndex
 
 
@@ -72,7 +72,7 @@ class CutLinks(NamedTuple):
         `flat` has the indices of the voxels in a lattice of that shape, ascending.
         """
         across = np.flatnonzero((self.step[:, axis] == 1) & ~self.over_edge)
-        cut = np.asarray(np.ravel_multi_index(tuple(self.voxel[across].T), shape))
+        cut = flat_index(self.voxel[across], shape)
         index = np.asarray(np.searchsorted(flat, cut))
         is_listed = np.flatnonzero(np.append(flat, -1)[index] == cut)
         area = np.ones(len(flat))

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import sorted_union
+from ..arrays import flat_index, sorted_union
 from .cut_links import CutLinks
 from .voxel_bits import VoxelBits, VoxelIndex
 
@@ -47,7 +47,7 @@ class CutVoxels:
     def spread(self, solid: Bool[np.ndarray, "x y z"]) -> Float[np.ndarray, " v"]:
         """Volumes of all solid voxels, in lattice order [voxels]."""
         flat = np.flatnonzero(solid)
-        cut_index = np.ravel_multi_index(tuple(self.voxel.T), solid.shape)
+        cut_index = flat_index(self.voxel, solid.shape)
         volume = np.ones(len(flat))
         volume[np.searchsorted(flat, cut_index)] = self.volume
         return volume
@@ -71,8 +71,8 @@ class CutVoxels:
         if not len(self.voxel):
             return np.ones(len(voxels))
         # Searched: an array of all voxels would be the largest of all.
-        cut_index = np.asarray(np.ravel_multi_index(tuple(self.voxel.T), shape))
-        index = np.asarray(np.ravel_multi_index(tuple(voxels.T), shape))
+        cut_index = flat_index(self.voxel, shape)
+        index = flat_index(voxels, shape)
         slot = np.minimum(np.searchsorted(cut_index, index), len(cut_index) - 1)
         return np.where(cut_index[slot] == index, self.volume[slot], 1.0)
 

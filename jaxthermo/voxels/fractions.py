@@ -16,6 +16,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..arrays import flat_index
 from ..geometry.mesh import Mesh
 from ..memo.found import found
 from .abstract_grid import AbstractGrid
@@ -237,7 +238,7 @@ def _boxes(grid: VoxelGrid, flat: Int[np.ndarray, " n"]) -> _Boxes:
     if grid.cut is None:
         return _Boxes(low=low, high=high, centre=voxel + 0.5)
     # Fragments are in the order of their voxels.
-    owner: Any = np.ravel_multi_index(tuple(grid.fragment_voxel.T), grid.solid.shape)
+    owner = flat_index(grid.fragment_voxel, grid.solid.shape)
     first, last = np.searchsorted(owner, [flat[0], flat[-1] + 1])
     for axis in range(3):
         crossing = first + np.flatnonzero(grid.fragment_axis[first:last] == axis)
@@ -262,9 +263,7 @@ def _boxes_of_fragments(grid: VoxelGrid, fragment: Int[np.ndarray, " m"]) -> _Bo
     boxes = _Boxes(low=position - 0.5, high=position + 0.5, centre=position)
     if grid.cut is None:
         return boxes
-    owner = np.ravel_multi_index(
-        tuple(grid.fragment_voxel[fragment].T), grid.solid.shape
-    )
+    owner = flat_index(grid.fragment_voxel[fragment], grid.solid.shape)
     flat, slot = np.unique(owner, return_inverse=True)
     of_voxel = _boxes(grid, flat).selected(slot.reshape(-1))
     axis = grid.fragment_axis[fragment].astype(int)

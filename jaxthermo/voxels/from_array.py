@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ..arrays import Scalar, Vector
+from ..arrays import Scalar, Vector, flat_index
 from ..errors import InputError, positive_length
 from ..geometry.mesh import Mesh
 from .grid import LayerCounts, VoxelGrid
@@ -55,9 +55,7 @@ def grid_from_voxels(
     outward = np.concatenate([faces.outward for faces in faces_by_axis])
     layer = np.concatenate([faces.layer for faces in faces_by_axis])
     # In lattice order the solver's gathers and scatters walk memory forwards.
-    order = np.argsort(
-        np.ravel_multi_index(tuple(voxel.T), is_solid.shape), kind="stable"
-    )
+    order = np.argsort(flat_index(voxel, is_solid.shape), kind="stable")
     voxel = voxel[order]
     outward = outward[order]
     layer = layer[order]

@@ -22,6 +22,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float, Int
 
+from ..arrays import flat_index
 from ..geometry.vectors import row_dot
 from .cut_links import CutLinks
 from .lattice import Lattice
@@ -158,7 +159,7 @@ def thin_conduction(body: ThinBody) -> ThinConduction | None:
 def _nodes(thin: Bool[np.ndarray, "x y z"], solid: Bool[np.ndarray, "x y z"]) -> _Nodes:
     """Voxels of the cubes with thin parts, or of some of many cubes."""
     cell = np.argwhere(solid)
-    key = np.ravel_multi_index(tuple((cell // _CUBE).T), solid.shape)
+    key = flat_index(cell // _CUBE, solid.shape)
     _, cube = np.unique(key, return_inverse=True)
     thin_count = np.bincount(cube, thin[solid])
     with_thin_parts = np.flatnonzero(thin_count >= _MIN_THIN * np.bincount(cube))
@@ -196,15 +197,8 @@ def _around(
             leaves = (beyond // _CUBE != cell // _CUBE).any(1)
             leaves &= padded[tuple((beyond + 1).T)]
             is_open |= leaves
-            around.append(np.ravel_multi_index(tuple(beyond[leaves].T), solid.shape))
+            around.append(flat_index(beyond[leaves], solid.shape))
     return np.unique(np.concatenate(around)), is_open
-
-
-def _flat(
-    cell: Int[np.ndarray, "m 3"], shape: tuple[int, ...]
-) -> Int[np.ndarray, " m"]:
-    """Indices of cells in a lattice."""
-    return np.asarray(np.ravel_multi_index(tuple(cell.T), shape))
 
 
 def _links(body: ThinBody, nodes: _Nodes) -> _Links:
@@ -222,8 +216,8 @@ def _links(body: ThinBody, nodes: _Nodes) -> _Links:
         seconds.append(second[first])
         conductances.append(body.links.open_across(nodes.flat, shape, axis)[first])
     edges = body.links.selected(body.links.over_edge)
-    first = nodes.at(_flat(edges.voxel, shape))
-    second = nodes.at(_flat(edges.voxel + edges.step, shape))
+    first = nodes.at(flat_index(edges.voxel, shape))
+    second = nodes.at(flat_index(edges.voxel + edges.step, shape))
     known = (first >= 0) & (second >= 0)
     first = np.concatenate([*firsts, first[known]])
     second = np.concatenate([*seconds, second[known]])
@@ -241,7 +235,7 @@ class _Surface(NamedTuple):
 
 
 def _surface(body: ThinBody, nodes: _Nodes) -> _Surface:
-    node = nodes.at(_flat(body.fragment_voxel, body.solid.shape))
+    node = nodes.at(flat_index(body.fragment_voxel, body.solid.shape))
     solved = np.flatnonzero(node >= 0)
     solved = solved[nodes.cube[node[solved]] < nodes.count]
     area = body.fragment_area[solved] / body.lattice.pitch**2

@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import Scalar, rank_in_group, stable_order
+from ..arrays import Scalar, flat_index, rank_in_group, stable_order
 from ..errors import InputError, shortened
 from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
@@ -180,8 +180,8 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     packed[~lost] = rank_in_group(fragments.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
     attached = np.flatnonzero(~lost)
-    number = np.ravel_multi_index(tuple(cell[attached].T), lattice.shape)
-    order = attached[stable_order(np.asarray(number))]
+    number = flat_index(cell[attached], lattice.shape)
+    order = attached[stable_order(number)]
     axis = dominant[fragments.triangle[order]].astype(np.int8)
     in_front = (int(packed[order][axis == a].max(initial=-1)) + 1 for a in range(3))
     return VoxelGrid(

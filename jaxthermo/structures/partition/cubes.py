@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
-from ...arrays import sorted_union, stable_order
+from ...arrays import flat_index, sorted_union, stable_order
 from ...voxels.grid import VoxelGrid
 from ..structure import Built, Links, Nodes
 from .links import link_distance
@@ -89,7 +89,7 @@ def build_cubes(grid: VoxelGrid, levels: Levels) -> Built:
     Numbered by their first voxels in lattice order.
     """
     corner, level = _corners(levels)
-    first = np.asarray(np.ravel_multi_index(tuple(corner.T), grid.solid.shape))
+    first = flat_index(corner, grid.solid.shape)
     order = stable_order(first)
     number = np.empty(len(order), np.int32)
     number[order] = np.arange(len(order), dtype=np.int32)
