@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from .mesh import Mesh, Pose
+from .vectors import triple
 
 
 _TOLERANCE = 1e-5
@@ -55,16 +55,11 @@ def _pose_between(first: Mesh, second: Mesh) -> Pose | None:
     second_arms = second.vertices - second_centre
     allowed = _TOLERANCE * float(np.abs(arms).max(initial=0.0))
     if np.abs(arms - second_arms).max(initial=0.0) <= allowed:
-        return Pose(_numbers(second_centre - centre))
+        return Pose(triple(second_centre - centre))
     left, _, right = np.linalg.svd(arms.T @ second_arms)
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     rotation = (left * signs @ right).T
     if np.abs(arms @ rotation.T - second_arms).max() > allowed:
         return None
-    rows = tuple(map(_numbers, rotation))
-    return Pose(_numbers(second_centre - rotation @ centre), rows)
-
-
-def _numbers(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    x, y, z = vector.tolist()
-    return x, y, z
+    rows = tuple(map(triple, rotation))
+    return Pose(triple(second_centre - rotation @ centre), rows)

@@ -15,7 +15,7 @@ from ..arrays import in_sorted, linear_map, numbered, static_numbers
 from ..errors import InputError, require, shortened
 from ..shown import html_of
 from .rotation import Turn, Way, relative_key, shortest_way, way_by_angle
-from .vectors import unit_vector
+from .vectors import triple, unit_vector
 
 
 @dataclass(frozen=True)
@@ -458,9 +458,9 @@ class Pose(Module):
             return self
         if self == Pose():
             return first
-        x, y, z = self.to_world(np.asarray(first.translation, float)).tolist()
+        shift = triple(self.to_world(np.asarray(first.translation, float)))
         rotation = np.asarray(self.rotation) @ np.asarray(first.rotation)
-        return Pose((x, y, z), tuple(map(tuple, rotation.tolist())))
+        return Pose(shift, tuple(map(tuple, rotation.tolist())))
 
     def to_world(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform points from the body to the world [m]."""

@@ -1,5 +1,7 @@
 """Vectors of length one, and products of rows of vectors."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 
@@ -24,6 +26,12 @@ def unit_vector(
             f"{argument} {direction!r}: give three finite numbers, not all zero"
         )
     return vector / length
+
+
+def triple(vector: Any) -> tuple[float, float, float]:
+    """Three plain numbers, which can be compared and hashed."""
+    x, y, z = np.asarray(vector, float).tolist()
+    return x, y, z
 
 
 def cross_product(

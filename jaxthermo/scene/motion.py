@@ -19,6 +19,7 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..geometry.rotation import Way
+from ..geometry.vectors import triple
 from ..memo.once import once
 
 
@@ -198,8 +199,8 @@ def _displacement(first: Pose, second: Pose) -> Pose:
     if first.key == second.key:
         return Pose()
     turn = np.asarray(second.rotation) @ np.transpose(first.rotation)
-    x, y, z = (second.translation - turn @ first.translation).tolist()
-    return Pose((x, y, z), tuple(map(tuple, turn.tolist())))
+    shift = triple(second.translation - turn @ first.translation)
+    return Pose(shift, tuple(map(tuple, turn.tolist())))
 
 
 def _between(first: Pose, second: Pose, fraction: float) -> Pose:
@@ -208,6 +209,6 @@ def _between(first: Pose, second: Pose, fraction: float) -> Pose:
         return first
     start = np.asarray(first.translation, float)
     end = np.asarray(second.translation, float)
-    x, y, z = ((1 - fraction) * start + fraction * end).tolist()
+    middle = triple((1 - fraction) * start + fraction * end)
     way = first.way_to(second)
-    return Pose((x, y, z), way.after(first.rotation, fraction))
+    return Pose(middle, way.after(first.rotation, fraction))

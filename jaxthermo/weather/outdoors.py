@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from ..choices import OutdoorTerm
 from ..errors import InputError
-from ..geometry.vectors import unit_vector
+from ..geometry.vectors import triple, unit_vector
 from ..physics.convection.linear_wind import LinearWind
 from ..physics.convection.wind import Wind
 from ..physics.radiation.diffuse_sky import DiffuseSky
@@ -345,9 +345,8 @@ class _Outdoors:
         # In a calm any direction is as good.
         if np.linalg.norm(velocity) <= 1e-9:
             velocity = -north
-        x, y, z = unit_vector(velocity).tolist()
         return Wind(
-            velocity=(x, y, z),
+            velocity=triple(unit_vector(velocity)),
             temperature=self._table(times, self._at("air", times)),
             speed=self._table(times, speed),
         )

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...errors import InputError
+from ...geometry.vectors import triple
 
 
 _STRAIGHT = 1 / 256
@@ -359,15 +360,10 @@ def pose_of_matrix(world_to_camera: Any) -> CameraPose:
     # The near plane, at a fraction of it, must not cut a body far from the origin.
     distance = min(float(np.linalg.norm(position)), _FAR_ORIGIN) or _FAR_ORIGIN
     return CameraPose(
-        position=_three(position),
-        look_at=_three(position + distance * axes[2]),
-        up=_three(-axes[1]),
+        position=triple(position),
+        look_at=triple(position + distance * axes[2]),
+        up=triple(-axes[1]),
     )
-
-
-def _three(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    x, y, z = vector.tolist()
-    return x, y, z
 
 
 def _matrix(

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from ...errors import InputError
+from ...geometry.vectors import triple
 from ...memo.found import found
 from ...sheets.panels import panels
 from ...sheets.sheet_grid import SheetGrid
@@ -60,15 +61,10 @@ def flow_parts(
         return whole_body(body.grid)
     if isinstance(shape, Sphere):
         middle = body.grid.mesh.bounds.mean(axis=0)
-        around = Cylinder(_triple(middle), (0.0, 0.0, 1.0), shape.diameter)
+        around = Cylinder(triple(middle), (0.0, 0.0, 1.0), shape.diameter)
         return CylinderParts((around,), np.zeros(len(body.area), np.int64))
     plates = [
-        Cylinder((0.0, 0.0, 0.0), _triple(plate.long_axis), plate.short_side)
+        Cylinder((0.0, 0.0, 0.0), triple(plate.long_axis), plate.short_side)
         for plate in shape.plates
     ]
     return CylinderParts(tuple(plates), shape.member)
-
-
-def _triple(vector: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z

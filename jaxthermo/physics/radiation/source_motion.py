@@ -13,16 +13,10 @@ from jaxtyping import Float
 
 from ...arrays import Numbers, Points
 from ...errors import InputError
-from ...geometry.vectors import unit_vector
+from ...geometry.vectors import triple, unit_vector
 
 
 Triple = tuple[float, float, float]
-
-
-def triple(value: Any) -> Triple:
-    """Three plain numbers, which can be compared and hashed."""
-    x, y, z = np.asarray(value, float).tolist()
-    return (x, y, z)
 
 
 # Unit vectors with a shorter sum count as opposite: no unique arc connects them.
