@@ -2,11 +2,10 @@
 
 import csv
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from typing_extensions import override
 
 from ..errors import InputError
@@ -16,9 +15,6 @@ from .table import similar_names
 
 
 _TABLE = Path(__file__).parents[1] / "data" / "stacks.csv"
-
-DAY = 86400.0
-"""Period of the daily wave of temperature [s]."""
 
 
 @dataclass(frozen=True)
@@ -52,26 +48,6 @@ def stack_rows() -> dict[str, tuple[LayerRow, ...]]:
             )
             rows[row.stack] = (*rows.get(row.stack, ()), row)
     return rows
-
-
-def wave_amplitude(layers: Sequence[Layer], period: float = DAY) -> float:
-    r"""Amplitude of a periodic wave below the layers, over that at their top [-].
-
-    $$\frac{\hat T_b}{\hat T_t} = \exp\left(-\sum_l d_l / \delta_l\right), \qquad
-    \delta_l = \sqrt{2 \alpha_l / \omega}, \qquad \omega = 2 \pi / P$$
-
-    Damping depths delta_l of the layers in series (Carslaw and Jaeger 1959, 2.6). Waves
-    that the boundaries between the layers reflect are not in it.
-
-    Args:
-        layers: from the top down.
-        period: P of the wave [s].
-    """
-    # d / delta by the resistance d / k and the capacity rho c d of the layer.
-    depths = [
-        np.sqrt(np.pi / period * layer.resistance * layer.capacity) for layer in layers
-    ]
-    return float(np.exp(-sum(depths)))
 
 
 class _StackTable(AbstractNamedTable[tuple[Layer, ...]]):

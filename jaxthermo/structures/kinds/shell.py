@@ -6,6 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...arrays import flat_index
 from ...choices import ShellCapacity
 from ...errors import InputError, whole_number
 from ...voxels.grid import VoxelGrid
@@ -95,23 +96,6 @@ class _Coverage(NamedTuple):
     """Volume that no cell covers [-]."""
     outside: float
     """Volume of cells outside the body [-]."""
-
-
-def capacity_by_region(
-    grid: VoxelGrid, count: Int[np.ndarray, "x y z"], width: int
-) -> tuple[Float[np.ndarray, "a b c"], Float[np.ndarray, "a b c"]]:
-    """Volume of the cells, and of the body, in boxes of `width` voxels [m^3].
-
-    From the count of `IrregularMultiLevel.cover_count`.
-    """
-    starts = [np.arange(0, n, width) for n in count.shape]
-
-    def per_box(values: Int[np.ndarray, "x y z"]) -> Float[np.ndarray, "a b c"]:
-        for axis, start in enumerate(starts):
-            values = np.add.reduceat(values, start, axis=axis, dtype=np.int64)
-        return values * grid.voxel_volume
-
-    return per_box(count), per_box(grid.solid.astype(np.int8))
 
 
 class IrregularMultiLevel(AbstractBuiltStructure):
@@ -271,7 +255,7 @@ def _lattice_pairs(levels: LevelCells, half: Float[np.ndarray, " n"]) -> _Pairs:
     first = 0
     for cells in levels:
         shape = cells.max(axis=0, initial=0) + 2
-        key = np.asarray(np.ravel_multi_index(tuple(cells.T), tuple(shape)))
+        key = flat_index(cells, tuple(shape.tolist()))
         for stride in (shape[1] * shape[2], shape[2], 1):
             # Keys are sorted and have a rim, so no stride wraps around.
             index = np.searchsorted(key, key + stride)

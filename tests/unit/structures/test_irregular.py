@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.shell import IrregularMultiLevel, capacity_by_region
+from jaxthermo.structures.kinds.shell import IrregularMultiLevel
 from jaxthermo.structures.partition.assignment import assign_voxels, voxel_depth
 from tests.bodies import blocks
 from tests.unit.structures.irregular_bodies import (
@@ -104,10 +104,6 @@ def test_coverage_is_that_counted_one_by_one(seed):
     assert shares.outside == pytest.approx(count[~solid].sum() / voxels)
     total = 1 + shares.overlap - shares.crack + shares.outside
     assert body.capacity_ratio == pytest.approx(total, abs=1e-12)
-    cells, body_volume = capacity_by_region(body.grid, body.cover_count(), 3)
-    assert cells.sum() == pytest.approx(body.nodes().volume.sum())
-    assert body_volume.sum() == pytest.approx(voxels * 0.5**3)
-    assert cells[0, 0, 0] == pytest.approx(count[:3, :3, :3].sum() * 0.5**3)
 
 
 @settings(deadline=None, max_examples=25)
