@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -10,6 +11,7 @@ from PIL import Image, ImageDraw
 import jaxthermo as jt
 from jaxthermo.geometry.vectors import unit_vector, unit_vectors
 from jaxthermo.image.colour.canvas import averaged
+from jaxthermo.image.surface.abstract_camera import AbstractCamera
 from jaxthermo.image.surface.camera import OrthographicCamera
 from jaxthermo.image.surface.visible import VisiblePoints, WorldMesh, visible_points
 from jaxthermo.physics.contact.rays import PlacedGrid
@@ -62,14 +64,28 @@ def lit(
         colours: of the points that it sees.
     """
     fine = camera.finer(_SAMPLES)
-    seen = visible_points(tuple(WorldMesh(m.vertices, m.faces) for m in meshes), fine)
+    seen = seen_points(meshes, fine)
+    facing = np.abs(seen.normal @ fine.frame[2])
+    light = _DARKEST + (1 - _DARKEST) * facing
+    shade = np.rint(light[:, None] * colours(seen.points)).astype(np.uint8)
+    return averaged(fine.frame_of(seen.points.pixel, shade, PAPER), _SAMPLES)
+
+
+class _Seen(NamedTuple):
+    """Points of meshes that a camera sees."""
+
+    points: VisiblePoints
+    normal: Float[np.ndarray, "p 3"]
+    """Normal of the triangle of each."""
+
+
+def seen_points(meshes: Sequence[jt.Mesh], camera: AbstractCamera) -> _Seen:
+    """The points of meshes in the world that a camera sees."""
+    world = tuple(WorldMesh(mesh.vertices, mesh.faces) for mesh in meshes)
+    points = visible_points(world, camera)
     first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     vectors = np.concatenate([mesh.area_vectors for mesh in meshes])
-    normal = unit_vectors(vectors[first_face[seen.body] + seen.face])
-    facing = np.abs(normal @ fine.frame[2])
-    light = _DARKEST + (1 - _DARKEST) * facing
-    shade = np.rint(light[:, None] * colours(seen)).astype(np.uint8)
-    return averaged(fine.frame_of(seen.pixel, shade, PAPER), _SAMPLES)
+    return _Seen(points, unit_vectors(vectors[first_face[points.body] + points.face]))
 
 
 def shaded(

@@ -8,17 +8,16 @@ from PIL import Image
 import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.geometry.shapes import box, figurine, sphere
-from jaxthermo.geometry.vectors import unit_vectors
 from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.image.surface.occlusion import screen_space_occlusion
 from jaxthermo.image.surface.view import compute_view
-from jaxthermo.image.surface.visible import WorldMesh, visible_points
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
 from jaxthermo.timing import timed_call
 
 from ...harness.present import Shot, thermal_sheet
 from ..exhibit import Finding, Verdict, exhibit, rms
+from ..shaded import seen_points
 
 
 # Height of the figurine [m].
@@ -166,17 +165,11 @@ def _ball_on_plane() -> dict[str, float]:
         height=size,
     )
     bodies = (ball, floor)
-    seen = visible_points(tuple(WorldMesh(m.vertices, m.faces) for m in bodies), camera)
-    area = np.concatenate([mesh.area_vectors for mesh in bodies])
-    first_face = np.array([0, len(ball.faces)])
-    normal = unit_vectors(area[seen.face + first_face[seen.body]])
-    depths = np.full(size * size, np.inf)
-    depths[seen.pixel] = seen.depth
-    normals = np.zeros((size * size, 3))
-    normals[seen.pixel] = normal
-    screen = screen_space_occlusion(
-        depths.reshape(size, size), normals.reshape(size, size, 3), camera, 4.0
-    ).reshape(-1)[seen.pixel]
+    seen, normal = seen_points(bodies, camera)
+    depths = camera.frame_of(seen.pixel, seen.depth, np.inf)
+    normals = camera.frame_of(seen.pixel, normal, 0.0)
+    occlusion = screen_space_occlusion(depths, normals, camera, 4.0)
+    screen = occlusion.reshape(-1)[seen.pixel]
     triangles = np.concatenate([mesh.triangles for mesh in bodies])
     view = sky_view(triangles, seen.position, normal, 0.05)
     rays = view.sky + view.ground
