@@ -28,8 +28,9 @@ from jaxthermo.timing import interleaved
 from ..harness.agreement import largest_difference
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene, statue
+from ..harness.scenes import stable_step
 from ..thesis.table_6_1 import FULL, TABLE_TIMES
-from .loops import loop_of, per_item, stable_step
+from .loops import loop_of, per_item
 from .scaling_model import STEP_BYTES
 from .steps import MAX_DT, STRUCTURES, conduction_of, random_state
 

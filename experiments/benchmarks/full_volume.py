@@ -21,6 +21,7 @@ from ..front.linear_body import Run
 from ..harness.agreement import largest_difference
 from ..harness.measurement import MeasuredResult, Measurement, plain_rows
 from ..harness.meshes import standard_scene, statue
+from ..harness.scenes import stable_step
 from .loops import (
     kernel_rows,
     last_surface,
@@ -28,7 +29,6 @@ from .loops import (
     numba_explicit,
     numba_rkl2,
     per_item,
-    stable_step,
 )
 
 

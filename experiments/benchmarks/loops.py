@@ -12,7 +12,6 @@ import jaxthermo as jt
 from jaxthermo.integrate.run.plan import (
     Plan,
     StepTable,
-    plan_run,
     step_table,
 )
 from jaxthermo.integrate.run.simulate import first_loop, run_plan, take_steps
@@ -71,13 +70,6 @@ def per_item(spans: Spans, counts: Mapping[str, int]) -> Spans:
     return {
         name: [span / count for span in spans[name]] for name, count in counts.items()
     }
-
-
-def stable_step(scene: jt.Scene) -> float:
-    """The largest explicit step [s]."""
-    plan = plan_run(scene, t1=1.0, save_at=None, solver=jt.ForwardEuler())
-    assert plan.stable_step is not None
-    return plan.stable_step
 
 
 def _only_first(table: StepTable, count: int) -> StepTable:

@@ -302,6 +302,19 @@ def converge(
     return Row(checks=checks[shown], order=order)
 
 
+def named_cases(names: str, listed: str) -> list[str]:
+    """The names of an option such as "V21, A1"; `listed` are those that there are.
+
+    Raises:
+        InputError: if it names none.
+    """
+    stripped = (name.strip() for name in names.split(","))
+    requested = [name for name in stripped if name]
+    if not requested:
+        raise InputError(f"--cases {names!r} names none: there are {listed}")
+    return requested
+
+
 def described(error: Exception) -> str:
     """An exception in one line, with its kind."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -26,6 +26,7 @@ from .case import (
     Outcome,
     Row,
     check,
+    named_cases,
 )
 
 
@@ -418,15 +419,12 @@ def select(groups: Sequence[Group], names: str | None) -> tuple[Group, ...]:
     """
     if names is None:
         return tuple(groups)
-    stripped = (name.strip() for name in names.upper().split(","))
-    requested = [name for name in stripped if name]
     cases = [case for group in groups for case in group.cases]
-    listed = "there are " + "; ".join(case.id for case in cases)
-    if not requested:
-        raise InputError(f"--cases {names!r} names none: {listed}")
+    listed = "; ".join(case.id for case in cases)
+    requested = [name.upper() for name in named_cases(names, listed)]
     for name in requested:
         if not any(_is_named(case, [name]) for case in cases):
-            raise InputError(f"--cases {name}: {listed}")
+            raise InputError(f"--cases {name}: there are {listed}")
     picked = []
     for group in groups:
         named = tuple(case for case in group.cases if _is_named(case, requested))

@@ -1,7 +1,17 @@
 """Bodies in their full volume, and scenes of one, for cases with a known answer."""
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.choices import Dtype
+from jaxthermo.integrate.run.plan import plan_run
+
+
+def stable_step(scene: jt.Scene) -> float:
+    """The largest explicit step [s]."""
+    with precision(scene.dtype):
+        limit = plan_run(scene, 0.0, None).stable_step
+    assert limit is not None
+    return limit
 
 
 def full(grid: jt.VoxelGrid, material, temperature, x: float = 0.0) -> jt.Body:

@@ -14,7 +14,8 @@ from jaxthermo.integrate.solvers import AbstractSolver
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.structures.structure import AbstractStructure
 
-from ..stiff.solved import Bounds, stable_step
+from ..harness.scenes import stable_step
+from ..stiff.solved import Bounds
 
 
 SEED = 55

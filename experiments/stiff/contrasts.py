@@ -9,7 +9,7 @@ from jaxthermo.integrate.explicit import stage_count
 from jaxthermo.reference.slab import decay_crank_nicolson, decay_implicit_euler
 
 from ..harness.case import PASS, Check, Row, case, refusal
-from ..harness.scenes import full
+from ..harness.scenes import full, stable_step
 from .bodies import (
     AEROGEL,
     AIR,
@@ -38,7 +38,6 @@ from .solved import (
     implicit,
     implicit_limits,
     judged,
-    stable_step,
     too_long,
 )
 

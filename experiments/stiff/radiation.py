@@ -14,7 +14,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 
 from ..harness.case import Check, Row, attempt, case
-from ..harness.scenes import single
+from ..harness.scenes import single, stable_step
 from .bodies import COLD, HOT, STEEL, block
 from .solved import (
     LONG,
@@ -28,7 +28,6 @@ from .solved import (
     implicit,
     judged,
     run_nodes,
-    stable_step,
     steppers,
     too_long,
 )

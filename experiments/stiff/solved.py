@@ -20,6 +20,7 @@ from jaxthermo.integrate.solvers import AbstractSolver
 from jaxthermo.integrate.stepper import in_place
 
 from ..harness.case import PASS, REPORTED, Check, Row, attempt, refusal
+from ..harness.scenes import stable_step
 
 
 Bounds = tuple[float, float]
@@ -146,14 +147,6 @@ def too_long(label: str, scene: jt.Scene, ratio: float = 2.0) -> Row:
         solver=f"ForwardEuler, {ratio:g} limits",
         dtype=scene.dtype,
     )
-
-
-def stable_step(scene: jt.Scene) -> float:
-    """The largest explicit step [s]."""
-    with precision(scene.dtype):
-        limit = plan_run(scene, 0.0, None).stable_step
-    assert limit is not None
-    return limit
 
 
 class Ran(NamedTuple):

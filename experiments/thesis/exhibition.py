@@ -24,7 +24,7 @@ from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
 from jaxthermo.report.chart import chart_svg
 
-from ..harness.case import described
+from ..harness.case import described, named_cases
 from ..harness.meshes import thesis_meshes
 from ..harness.record import Arrays, Record
 from . import exhibits
@@ -71,13 +71,10 @@ def select(names: str | None) -> tuple[Exhibit, ...]:
     """
     if names is None:
         return all_exhibits()
-    words = [name.strip().lower() for name in names.split(",")]
-    requested = {name for name in words if name}
     exhibit_names = [exhibit.name for exhibit in all_exhibits()]
     all_names = exhibit_names + [claim.id for claim in CLAIMS]
     listed = ", ".join(exhibit_names)
-    if not requested:
-        raise InputError(f"--cases {names!r} names none: there are {listed}")
+    requested = {name.lower() for name in named_cases(names, listed)}
     for name in sorted(requested - {name.lower() for name in all_names}):
         close = difflib.get_close_matches(name, all_names, 1)
         hint = f"did you mean {close[0]}? " if close else ""

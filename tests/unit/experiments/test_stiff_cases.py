@@ -21,6 +21,7 @@ from experiments.harness.case import (
     refusal,
 )
 from experiments.harness.report import select
+from experiments.harness.scenes import stable_step
 from experiments.stiff import extremes, run as stiff
 from experiments.stiff.radiation import cube
 from experiments.stiff.solved import (
@@ -29,7 +30,6 @@ from experiments.stiff.solved import (
     Method,
     _row_of,
     run_nodes,
-    stable_step,
 )
 from jaxthermo.errors import InputError
 
