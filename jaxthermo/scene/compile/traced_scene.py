@@ -22,7 +22,6 @@ from ...arrays import HOST, rows_of, rows_remembered
 from ...errors import shortened
 from ...memo.found import digest, found
 from ...memo.once import once
-from ...structures.structure import AbstractStructure
 from ..scene import Scene
 from .program import Compiled
 
@@ -52,14 +51,14 @@ def separate_numbers(scene: Scene) -> _SceneNumbers:
     identity: list[object] = []
     is_comparable = True
     form: list[Hashable] = [_outline(scene, without="bodies")]
-    # Without the structures, which their outline would keep alive. Equal bodies share
-    # their structure.
-    structure_form = once(_structure_form)
+    # Most structures share their weights.
+    outline_of = once(jax.tree.structure)
     for body in scene.bodies:
         objects = body.structure.identity
         is_comparable = is_comparable and len(objects) > 0
         identity += objects
-        form.append(structure_form(body.structure))
+        # Without the structure, which its outline would keep alive.
+        form.append((body.structure.options, outline_of(body.structure.weights)))
         form.append(_outline(body, without="structure"))
     dtype = np.dtype(scene.dtype)
     positions = []
@@ -95,11 +94,6 @@ def separate_numbers(scene: Scene) -> _SceneNumbers:
         positions=tuple(positions),
         values=numbers,
     )
-
-
-def _structure_form(structure: AbstractStructure) -> Hashable:
-    """A structure apart from its numbers and its geometry."""
-    return structure.options, jax.tree.structure(structure.weights)
 
 
 def _is_constant(array: np.ndarray) -> bool:
