@@ -7,7 +7,6 @@ linear laws needs none, a stiff one all.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import jax
 import numpy as np
@@ -102,7 +101,7 @@ def _with_shared_laws(programs: Sequence[Program]) -> list[SurfaceTerms]:
         leaves, structure = jax.tree.flatten(term.law)
         key = (structure, *map(id, leaves))
         if key not in laws:
-            laws[key] = jax.tree.map(_on_host, term.law)
+            laws[key] = jax.device_get(term.law)
         area = np.asarray(term.effective_area)
         return replace(term, effective_area=area, law=laws[key])
 
@@ -113,10 +112,6 @@ def _with_shared_laws(programs: Sequence[Program]) -> list[SurfaceTerms]:
         )
         for program in programs
     ]
-
-
-def _on_host(leaf: Any) -> Any:
-    return np.asarray(leaf) if isinstance(leaf, jax.Array) else leaf
 
 
 def _iterating(program: Program, count: int) -> Program:
