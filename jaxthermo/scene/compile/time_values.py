@@ -48,6 +48,8 @@ class TimeValues(NamedTuple):
     scene: Scene
     forms: tuple[tuple[int, str, TimeForm], ...]
     """Number of the term, name of the field and form of each value that varies."""
+    names: tuple[str, ...] = ()
+    """Name of the mechanism of each term, if any value varies."""
 
     def notes(self, acting: tuple[int, ...]) -> tuple[str, ...]:
         """Notes on values of the terms that act, by their numbers."""
@@ -61,11 +63,10 @@ class TimeValues(NamedTuple):
         `parts` are the areas and volumes that each mechanism acts on: where they make
         an energy of the integral of a value, the warning states that.
         """
-        names = mechanism_names(self.scene)
         texts = []
         for number, field, form in self.forms:
             if form.missed is not None:
-                acted_on = [p for p in parts if p.mechanism == names[number]]
+                acted_on = [p for p in parts if p.mechanism == self.names[number]]
                 text = _unresolved(field, form.missed, acted_on)
                 texts.append((number, field, text))
         return self._labelled(texts, acting)
@@ -73,9 +74,8 @@ class TimeValues(NamedTuple):
     def _labelled(
         self, texts: list[tuple[int, str, str]], acting: tuple[int, ...]
     ) -> tuple[str, ...]:
-        names = mechanism_names(self.scene)
         lines = [
-            f"{names[number]}: {field} {text}"
+            f"{self.names[number]}: {field} {text}"
             for number, field, text in texts
             if text and number in acting
         ]
@@ -111,7 +111,9 @@ def with_time_values(
         terms.append(_with_fields(term, changed))
     if not forms:
         return TimeValues(scene, ())
-    return TimeValues(replace(scene, terms=tuple(terms)), tuple(forms))
+    return TimeValues(
+        replace(scene, terms=tuple(terms)), tuple(forms), mechanism_names(scene)
+    )
 
 
 def _shape_of(term: AbstractTerm) -> float:
