@@ -56,7 +56,10 @@ _bytes_at_most = 0
 
 
 def found(
-    of: tuple[object, ...], by: Hashable, find: Callable[[], _T], search: str = ""
+    of: tuple[object, ...],
+    by: Hashable,
+    find: Callable[[], _T],
+    search: str | tuple[str, ...] = "",
 ) -> _T:
     """Return what `find` finds, without a new search if it was found before.
 
@@ -65,7 +68,8 @@ def found(
         by: values of everything else that it depends on, with the kind of finding
             first; None where they cannot be compared: the finding is not stored.
         find: the search; of geometry alone, and without effects.
-        search: its name for the receipt of a run that makes it; empty for none.
+        search: its name for the receipt of a run that makes it, or several; empty for
+            none.
     """
     settings: Any = jax.config
     # Arrays differ with JAX's precision and device.
@@ -83,7 +87,7 @@ def found(
         return entry.value
     names = _searches.get()
     if search and names is not None:
-        names.append(search)
+        names += (search,) if isinstance(search, str) else search
     # Geometry is known even while a scene is traced.
     is_tracing = is_compiling()
     with jax.ensure_compile_time_eval() if is_tracing else contextlib.nullcontext():

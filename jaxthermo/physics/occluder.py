@@ -28,6 +28,8 @@ class Occluder:
     """Pose of the first of its bodies."""
     places: bytes = b""
     """Places of its bodies in the frame of the first, as numbers to compare."""
+    bodies: tuple[int, ...] = ()
+    """Numbers of its bodies in the scene."""
 
     @classmethod
     def of_triangles(cls, triangles: Float[np.ndarray, "f 3 3"]) -> "Occluder":
@@ -40,6 +42,7 @@ class Occluder:
         grids: tuple[AbstractGrid, ...],
         poses: tuple[Pose, ...],
         triangles: Sequence[Float[np.ndarray, "_ 3 3"]],
+        bodies: tuple[int, ...],
     ) -> "Occluder":
         """The occluder of bodies at poses, with the triangles of each in the world."""
         first = poses[0]
@@ -48,8 +51,9 @@ class Occluder:
             joined_triangles(triangles),
             shapes=grids,
             pose=first,
-            # One value, whose hash Python keeps: every body of the scene compares it.
+            # One value, whose hash Python keeps: every group of bodies compares it.
             places=repr([first.relative_key(pose, length) for pose in poses]).encode(),
+            bodies=bodies,
         )
 
     def place_from(self, pose: Pose, length: float) -> tuple[tuple, bytes]:

@@ -27,9 +27,6 @@ from .occluder import Occluder, joined_triangles
 from .together import found_between
 
 
-_WORLD = Pose()
-
-
 class Omitted(NamedTuple):
     """Reason why a term does not act on a body, or on any if `body` is None."""
 
@@ -141,18 +138,6 @@ class BodySurface:
     def own_normal(self) -> Float[np.ndarray, "s 3"]:
         """Outward unit normals in the body's own frame."""
         return self.grid.fragment_normal
-
-    @cached_property
-    def place_key(self) -> tuple[tuple, tuple]:
-        """Its position and its rotation in the world, as numbers to compare."""
-        return _WORLD.relative_key(self.pose, self.pitch)
-
-    @cached_property
-    def occluder_places(self) -> tuple[tuple, ...]:
-        """The place of each occluder in its frame, as numbers to compare."""
-        return tuple(
-            occluder.place_from(self.pose, self.pitch) for occluder in self.occluders
-        )
 
     @cached_property
     def _open(self) -> Bool[np.ndarray, " s"]:

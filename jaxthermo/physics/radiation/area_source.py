@@ -25,9 +25,9 @@ from ...geometry.vectors import row_dot, unit_vector
 from ...raster.views import view_frame
 from ...voxels.selection import AbstractSelection
 from ..time_varying import check_one_of, check_value, value_at
+from .shadows import edges_of_points, lit_samples_from_point
 from .source import AbstractSource, Appearance, fixed_or_moving, seen
 from .source_motion import Triple
-from .visibility import edges_of_points, lit_samples_from_point
 
 
 _Vectors = Float[np.ndarray, "s 3"]

@@ -12,9 +12,9 @@ time, such as a table of `source_motion`.
 
 import abc
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import partial
 from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
@@ -27,20 +27,22 @@ from ...constants import SOLAR_TEMPERATURE
 from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector, unit_vectors
 from ...memo.found import found
+from ...memo.once import once
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
-from ..surface import BodySurface, Facing, Surface
+from ..surface import BodySurface, Surface
 from ..term import OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .free_lines import free_lines
 from .irradiation import AbstractRadiativeTerm, Irradiation
-from .source_motion import Triple, triple
-from .visibility import (
+from .shadows import (
     SquareEdge,
+    Squares,
     lit_fractions,
     lit_samples_from_point,
     sunlit_samples,
 )
+from .source_motion import Triple, triple
 
 
 _Rays = Float[np.ndarray, "p 3"]
@@ -174,15 +176,14 @@ class AbstractSource(AbstractRadiativeTerm):
         Arguments are those of `lit_samples`.
         """
         lit = self.lit_samples(triangles, position, normal, pitch)
-        return self._shaded(lit, position, normal)
-
-    def _shaded(
-        self,
-        lit: UInt8[np.ndarray, "q s"],
-        position: Float[np.ndarray, "s 3"],
-        normal: Float[np.ndarray, "s 3"],
-    ) -> Float[np.ndarray, " s"]:
         return (self.unshaded(position, normal) * lit_fractions(lit)).sum(0)
+
+    def lit_squares(
+        self, triangles: Float[np.ndarray, "f 3 3"], surfaces: Sequence[Squares]
+    ) -> list[UInt8[np.ndarray, "q _"]]:
+        """The samples of `lit_samples` on each of some surfaces."""
+        lit_samples = self.lit_samples
+        return [lit_samples(triangles, *squares) for squares in surfaces]
 
     def towards(
         self, position: Float[np.ndarray, "s 3"]
@@ -233,42 +234,60 @@ class AbstractSource(AbstractRadiativeTerm):
         if surface.prune and is_zero(self.strength):
             return ()
         law = ImposedFlux(for_jit(self.strength, surface.dtype))
-        exposures = [self._exposure_of(body) for body in surface.bodies]
+        exposures = self._exposures(surface.bodies)
         irradiation = self._on_all(surface, exposures, law=law, spectrum=self.spectrum)
         return (irradiation,)
 
-    def _exposure_of(self, body: BodySurface) -> Float[np.ndarray, " s"]:
-        points = self.points()
-        if len(points) and body.grid.contains(body.pose.to_body(points)).any():
-            field = self.location_field
-            raise InputError(
-                f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
-                f"body {body.body} (or a part of it is); move it out of the body"
-            )
-
-        @cache
-        def facing() -> Facing:
-            return body.facing(self.towards(body.position))
-
-        def search(triangles, position, normal, pitch):
-            del normal
-            return self.lit_samples(triangles, position, facing().normal, pitch)
-
+    def _exposures(
+        self, bodies: tuple[BodySurface, ...]
+    ) -> list[Float[np.ndarray, " _"]]:
+        self._check_outside(bodies)
         key = self.exposure_key
         by = None if key is None else ("exposure", type(self), key)
-        lit = free_lines(
-            body,
+        # A method of a module is a new object in each call: one for all bodies.
+        towards = self.towards
+        unshaded = self.unshaded
+        facing = once(lambda body: body.facing(towards(body.position)))
+
+        def search(triangles, viewers: tuple[BodySurface, ...]):
+            squares = [
+                Squares(body.position, facing(body).normal, body.grid.fragment_edge)
+                for body in viewers
+            ]
+            return self.lit_squares(triangles, squares)
+
+        def shade(body: BodySurface, lit):
+            part = facing(body)
+            irradiance = unshaded(body.position, part.normal) * lit_fractions(lit)
+            return part.fraction * irradiance.sum(0)
+
+        lit_of_bodies = free_lines(
+            bodies,
             search,
             by=by,
             task=f"shadows of {self.name} on",
             is_distant=self.cone is not None,
         )
+        return [
+            found(
+                (lit, body.position, body.normal),
+                by=by,
+                find=partial(shade, body, lit),
+            )
+            for body, lit in zip(bodies, lit_of_bodies, strict=True)
+        ]
 
-        def shade():
-            part = facing()
-            return part.fraction * self._shaded(lit, body.position, part.normal)
-
-        return found((lit, body.position, body.normal), by=by, find=shade)
+    def _check_outside(self, bodies: tuple[BodySurface, ...]) -> None:
+        points = self.points()
+        if not len(points):
+            return
+        for body in bodies:
+            if body.grid.contains(body.pose.to_body(points)).any():
+                field = self.location_field
+                raise InputError(
+                    f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
+                    f"body {body.body} (or a part of it is); move it out of the body"
+                )
 
 
 class Sun(AbstractSource):
@@ -326,13 +345,13 @@ class Sun(AbstractSource):
 
     @override
     def lit_samples(self, triangles, position, normal, pitch):
-        return sunlit_samples(
-            triangles,
-            position=position,
-            normal=normal,
-            direction=self.direction,
-            pitch=pitch,
-        )[None]
+        (lit,) = self.lit_squares(triangles, [Squares(position, normal, pitch)])
+        return lit
+
+    @override
+    def lit_squares(self, triangles, surfaces):
+        lit = sunlit_samples(triangles, surfaces, self.direction)
+        return [samples[None] for samples in lit]
 
     @property
     @override

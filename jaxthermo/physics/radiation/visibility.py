@@ -1,8 +1,4 @@
-"""Visibility of sources and surroundings from surface points, by depth maps.
-
-Shadows: the first depth layer of the scene as the source sees it, at half a voxel a
-pixel or finer. A fragment is sampled at four points of its square, each of which is lit
-if nothing is in front of it.
+"""View of sky and ground from surface points behind obstacles, by depth maps.
 
 Ambient occlusion: the view factor to the surroundings,
 
@@ -14,258 +10,33 @@ and F_ground = (1 - n_z) / 2.
 """
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from ...arrays import linear_map
 from ...errors import InputError
-from ...geometry.vectors import row_dot, tangents, unit_vector
-from ...host_memory import require_memory
+from ...geometry.vectors import row_dot
 from ...memo.found import found
 from ...memo.stored import stored_search
 from ...raster.bounding_spheres import BoundingSpheres
-from ...raster.depth_buffer import depth_range, nearest_depth
+from ...raster.depth_buffer import depth_range
 from ...raster.views import (
     OrthographicView,
     fitted_view,
     half_sphere_directions,
-    orthographic_view,
-    perspective_views,
     pixels_at,
 )
 from ..surface import BodySurface
-from .free_lines import Sight, free_lines
-
-
-# Distance of the four samples from the fragment's centre, over the edge of its square.
-_SAMPLE_RADIUS = 0.3
-
-# Pixel of a shadow map, over the edge of the squares: of voxels, and of thin walls.
-# Walls are close to each other, and end where those behind them end: there a sample
-# that is a pixel off is on the wrong side.
-_SHADOW_PIXEL = 0.5
-_FINE_SHADOW_PIXEL = 0.125
-
-# Samples are lifted off the surface along its normal by this many pixels. The depth of
-# a plane varies by less than sqrt(1/2) across a pixel at any angle, so a surface never
-# shades itself, and a shadow is displaced by less than half a voxel as the source sees
-# it. In perspective this holds with a pixel's size at the fragment's depth.
-_LIFT = 0.75
-
-
-SquareEdge = float | Float[np.ndarray, " _"]
-"""Edge of the square that each point represents [m]: that of a voxel, or, of points on
-thin walls, one for each point."""
+from .free_lines import free_lines
+from .shadows import SquareEdge
+from .window import window_of
 
 
 _MARGIN = 2.0
 """Voxels, or pixels, up to which an occluder beside lines of sight may block them."""
-
-
-def edges_of_points(edge: SquareEdge, points: Int[np.ndarray, " m"]) -> SquareEdge:
-    """Edges of the squares of some of the points."""
-    return edge[points] if isinstance(edge, np.ndarray) else edge
-
-
-def _shadow_pixel(edge: SquareEdge) -> float:
-    """Pixel of a shadow map [m]."""
-    if isinstance(edge, np.ndarray):
-        return _FINE_SHADOW_PIXEL * float(edge.max())
-    return _SHADOW_PIXEL * edge
-
-
-_LARGE_MAP = 16_000_000
-"""Size of a map from which the free memory is looked up, for each map [bytes]."""
-
-
-def _check_map(width: int, height: int, task: str) -> None:
-    size = width * height * 16
-    if size > _LARGE_MAP:
-        require_memory(size, task, "use a coarser pitch")
-
-
-class _Window(NamedTuple):
-    """The part of a view in which a point may be behind an occluder."""
-
-    points: Int[np.ndarray, " n"]
-    """Numbers of these points."""
-    row: Int[np.ndarray, " n"]
-    column: Int[np.ndarray, " n"]
-    """Their pixels in the window."""
-    corners: Float[np.ndarray, "f 3 3"]
-    """Corners of the occluder (column, row, depth)."""
-    width: int
-    height: int
-
-    def shades(self, depth: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """Flag the points, at these depths, that the occluder is in front of."""
-        # What begins behind all points shades none of them.
-        ahead = self.corners[..., 2].min(axis=1) < depth.max()
-        return depth > nearest_depth(
-            self.corners[ahead],
-            row=self.row,
-            column=self.column,
-            width=self.width,
-            height=self.height,
-        )
-
-
-def _window(
-    view: OrthographicView,
-    triangles: Float[np.ndarray, "f 3 3"],
-    at: Float[np.ndarray, "n 3"],
-    is_behind: Callable[[float, float], Bool[np.ndarray, " n"]],
-    task: str,
-) -> _Window | None:
-    """The window of points whose pixels the box around an occluder covers.
-
-    Args:
-        view: of all points.
-        triangles: of the occluder [m].
-        at: points, projected.
-        is_behind: flags of the points, from the depths at which the occluder begins
-            and ends.
-        task: what the window is a part of.
-    """
-    row, column = pixels_at(view, at)
-    spaces = view.half_spaces(
-        low=np.array([column.min(), row.min()]),
-        high=np.array([column.max() + 1, row.max() + 1]),
-    )
-    over = BoundingSpheres.of(triangles).reaching_into(spaces)
-    if not len(over):
-        return None
-    corners = view.project(triangles[over])
-    low = corners.min(axis=(0, 1))
-    high = corners.max(axis=(0, 1))
-    points = np.flatnonzero(
-        (column + 1 >= low[0])
-        & (column <= high[0])
-        & (row + 1 >= low[1])
-        & (row <= high[1])
-        & is_behind(low[2], high[2])
-    )
-    if not len(points):
-        return None
-    row = row[points]
-    column = column[points]
-    first = np.array([column.min(), row.min(), 0])
-    width = int(column.max() - first[0]) + 1
-    height = int(row.max() - first[1]) + 1
-    _check_map(width, height, task)
-    return _Window(
-        points=points,
-        row=row - first[1],
-        column=column - first[0],
-        # Whole pixels: the rays through the window are those of the view.
-        corners=corners - first,
-        width=width,
-        height=height,
-    )
-
-
-_LIT = np.array([number.bit_count() / 4 for number in range(16)])
-"""Lit fraction of four samples, by their bits [-]."""
-
-
-def lit_fractions(sight: Sight) -> Float[np.ndarray, "*n s"]:
-    """Fraction of the four samples of each point that are lit [-]."""
-    return _LIT[sight]
-
-
-def _samples(
-    raised: Float[np.ndarray, "s 3"],
-    normal: Float[np.ndarray, "s 3"],
-    pitch: SquareEdge,
-) -> Float[np.ndarray, "n 3"]:
-    """The first samples around all lifted points, then the second ones, of four."""
-    radius = _SAMPLE_RADIUS * np.reshape(pitch, (-1, 1))
-    first, second = (t * radius for t in tangents(normal))
-    offsets = np.stack([first, -first, second, -second])
-    return (raised + offsets).reshape(-1, 3)
-
-
-def _lit_bits(is_lit: Bool[np.ndarray, " n"]) -> Sight:
-    """Samples of each point, one a bit, from those in the order of `_samples`."""
-    first, second, third, fourth = is_lit.reshape(4, -1).view(np.uint8)
-    return first | second << 1 | third << 2 | fourth << 3
-
-
-@stored_search("shadows")
-def sunlit_samples(
-    triangles: Float[np.ndarray, "f 3 3"],
-    position: Float[np.ndarray, "s 3"],
-    normal: Float[np.ndarray, "s 3"],
-    direction: object,
-    pitch: SquareEdge,
-) -> Sight:
-    """Samples of each surface point's square that parallel rays hit, one a bit.
-
-    Triangles cast the shadows; points and triangles are in the world [m]. The squares
-    have the edge `pitch` [m], and a pixel of the map is half of it, or an eighth of the
-    largest one where each point has its own.
-    """
-    lit = np.zeros(len(position), np.uint8)
-    ahead = unit_vector(direction)
-    facing = np.flatnonzero(normal @ ahead < 0)
-    if not len(facing):
-        return lit
-    margin = _MARGIN * float(np.max(pitch))
-    spheres = BoundingSpheres.of(triangles)
-    if not spheres.meet(position[facing], ahead[None], margin):
-        lit[facing] = len(_LIT) - 1
-        return lit
-    # The map covers only surfaces that may be lit: a vast ground costs nothing.
-    view = orthographic_view(position[facing], direction, _shadow_pixel(pitch))
-    raised = position[facing] + normal[facing] * _LIFT * view.pitch
-    edge = edges_of_points(pitch, facing)
-    at = view.project(_samples(raised, normal[facing], edge))
-    is_lit = np.ones(len(at), bool)
-    window = _window(
-        view,
-        triangles=triangles,
-        at=at,
-        is_behind=lambda nearest, _: at[:, 2] > nearest,
-        task="a shadow map",
-    )
-    if window is not None:
-        is_lit[window.points] = ~window.shades(at[window.points, 2])
-    lit[facing] = _lit_bits(is_lit)
-    return lit
-
-
-@stored_search("point_shadows")
-def lit_samples_from_point(
-    triangles: Float[np.ndarray, "f 3 3"],
-    position: Float[np.ndarray, "s 3"],
-    normal: Float[np.ndarray, "s 3"],
-    eye: Float[np.ndarray, "3"],
-    pitch: SquareEdge,
-) -> Sight:
-    """Samples of each surface point's square that rays from `eye` [m] hit, one a bit.
-
-    Arguments and pixels are those of `sunlit_samples`; at near points they are smaller.
-    """
-    lit = np.zeros(len(position), np.uint8)
-    facing = np.flatnonzero(row_dot(normal, eye - position) > 0)
-    if not len(facing):
-        return lit
-    pixel = _shadow_pixel(pitch)
-    for view, in_view in perspective_views(eye, position[facing], pixel):
-        _check_map(view.width, view.height, "a shadow map")
-        seen = facing[in_view]
-        size = view.pixel * view.project(position[seen])[:, 2]
-        raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
-        edge = edges_of_points(pitch, seen)
-        at = view.project(_samples(raised, normal[seen], edge))
-        row, column = pixels_at(view, at)
-        lit[seen] = _lit_bits(at[:, 2] <= view.nearest(triangles, row, column))
-    return lit
-
 
 DEFAULT_DIRECTIONS = 128
 """Directions over the whole sphere; half as many depth maps."""
@@ -403,15 +174,22 @@ def sky_view_of(body: BodySurface, directions: int | None) -> _SkyView:
     if directions is None:
         return unobstructed_view(body.normal)
     check_directions(directions)
-    free = free_lines(
-        body,
-        lines_to_surroundings,
+    edge = body.grid.fragment_edge
+
+    def search(triangles, _):
+        return [
+            lines_to_surroundings(
+                triangles, body.position, body.normal, edge, directions
+            )
+        ]
+
+    (free,) = free_lines(
+        [body],
+        search,
         by=("sky_view", directions),
         task="view of sky and ground from",
         is_distant=True,
-        directions=directions,
     )
-    edge = body.grid.fragment_edge
     certain = found(
         (body.grid, body.normal),
         by=("certain lines", directions),
@@ -450,9 +228,9 @@ def _sees_out(
     above = at[:, 2] + deeper + _DEPTH_TOLERANCE
     below = at[:, 2] + deeper - _DEPTH_TOLERANCE
     is_free = np.ones(len(at), bool)
-    window = _window(
+    window = window_of(
         view,
-        triangles=triangles,
+        corners=_corners_over(view, at, triangles),
         at=at,
         is_behind=lambda low, high: np.where(is_ahead, above < high, below > low),
         task="a map",
@@ -470,6 +248,21 @@ def _sees_out(
             is_ahead[points], above[points] >= farthest, below[points] <= nearest
         )
     return is_free
+
+
+def _corners_over(
+    view: OrthographicView,
+    at: Float[np.ndarray, "s 3"],
+    triangles: Float[np.ndarray, "f 3 3"],
+) -> Float[np.ndarray, "m 3 3"]:
+    """Triangles that may be over points of a view, projected as these are."""
+    row, column = pixels_at(view, at)
+    spaces = view.half_spaces(
+        low=np.array([column.min(), row.min()]),
+        high=np.array([column.max() + 1, row.max() + 1]),
+    )
+    over = BoundingSpheres.of(triangles).reaching_into(spaces)
+    return view.project(triangles[over])
 
 
 def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: _SkyView) -> _SkyView:

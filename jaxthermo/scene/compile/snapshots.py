@@ -216,6 +216,7 @@ def _body_surfaces(
             tuple(grids[number] for number in group),
             poses=tuple(poses[number] for number in group),
             triangles=[placed[number].triangles for number in group],
+            bodies=group,
         )
         for group in together
     )

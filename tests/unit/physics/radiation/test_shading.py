@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxthermo.physics.radiation.visibility import _Window
+from jaxthermo.physics.radiation.window import Window
 from jaxthermo.raster.depth_buffer import depth_range
 
 
@@ -15,7 +15,7 @@ def test_triangles_behind_all_points_are_left_out_without_an_effect():
     corners = centre + random.uniform(-6.0, 6.0, (60, 3, 3))
     row, column = random.integers(0, SIDE, (2, 500))
     depth = random.uniform(0.0, SIDE / 2, 500)
-    window = _Window(
+    window = Window(
         points=np.arange(500),
         row=row,
         column=column,
