@@ -22,8 +22,8 @@ Each group of bodies that exchange heat, by contact, radiation or air, has its o
 bounds, of which the highest is that of the scene.
 """
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Iterable, Sequence
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -119,6 +119,12 @@ def _largest_of_group(
     return largest[group]
 
 
+def _largest(of_programs: Iterable[Float[Array, "..."]]) -> Float[Array, "..."]:
+    """Largest value in any snapshot."""
+    # Pair by pair: a stack of many snapshots is a program of its own for each number.
+    return reduce(jnp.maximum, of_programs)
+
+
 def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     largest = partial(_largest_of_group, group=exchanging_bodies(programs))
     heat = [_imposed_heat(program, end, _HEATS) for program in programs]
@@ -126,10 +132,10 @@ def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     nodes = around + largest(over([one.of_all for one in heat]))
     bounds = partial(_surface_bounds, around=around, nodes=nodes, end=end)
     reached = [bounds(program, received=jnp.zeros_like(nodes)) for program in programs]
-    by_rise = largest(jnp.stack([one.by_rise for one in reached]).max(axis=0))
-    beneath = largest(jnp.stack([one.beneath for one in reached]).max(axis=0))
+    by_rise = largest(_largest(one.by_rise for one in reached))
+    beneath = largest(_largest(one.beneath for one in reached))
     by_loss = _by_loss(reached, beneath, largest)
-    level = largest(jnp.stack([one.level_of_flux for one in reached]).max(axis=0))
+    level = largest(_largest(one.level_of_flux for one in reached))
     by_sources = level + largest(over([one.of_sources for one in heat]))
     if any(program.fine_enclosure is not None for program in programs):
         below = _GUESS * by_loss
@@ -152,7 +158,7 @@ def _lowest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     largest = partial(_largest_of_group, group=exchanging_bodies(programs))
     rises = [one.of_all for one in heat]
     fall = largest(_rise(rises, end=end, duration=duration))
-    fall = fall + largest(jnp.stack([one.excess for one in heat]).max(axis=0))
+    fall = fall + largest(_largest(one.excess for one in heat))
     return jnp.maximum(around - fall.max(), 0)
 
 
@@ -177,8 +183,8 @@ class _ImposedHeat(NamedTuple):
 
 def _rise(heat: list[_Rises], end: float, duration: float) -> Float[Array, " b"]:
     """Largest rise of any node of each body that imposed heat causes [K]."""
-    rate = jnp.stack([one.rate for one in heat]).max(axis=0)
-    rises = jnp.stack([one.rises for one in heat]).max(axis=0).sum(axis=0)
+    rate = _largest(one.rate for one in heat)
+    rises = _largest(one.rises for one in heat).sum(axis=0)
     if duration > end:
         # The values at the end stay, and none of them exceeds the largest.
         return jnp.where(rate > 0, rate * duration, 0)
@@ -304,8 +310,8 @@ class _SurfaceBounds(NamedTuple):
 
 
 def _by_loss(bounds: list[_SurfaceBounds], beneath, largest) -> Float[Array, " b"]:
-    level = largest(jnp.stack([one.level for one in bounds]).max(axis=0))
-    excess = largest(jnp.stack([one.excess for one in bounds]).max(axis=0))
+    level = largest(_largest(one.level for one in bounds))
+    excess = largest(_largest(one.excess for one in bounds))
     return level + beneath + excess
 
 
