@@ -15,12 +15,12 @@ from jaxtyping import Bool, Float, Int
 from ..arrays import Scalar, is_traced, namespace, stacked, typed_array
 from ..errors import InputError
 from ..geometry.mesh import Pose
-from ..geometry.vectors import unit_vectors
+from ..geometry.vectors import row_length, unit_vectors
 from ..memo.found import found
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.cavities import AbstractCavities
 from ..voxels.fractions import area_fractions
-from ..voxels.fragment_pieces import Facing
+from ..voxels.fragment_pieces import Facing, FragmentPieces
 from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
 from .occluder import Occluder, joined_triangles
@@ -145,17 +145,23 @@ class BodySurface:
         reached = self.grid.reached_by(None)
         return self.natural if reached is None else self.natural & reached
 
+    @cached_property
+    def _pieces(self) -> FragmentPieces | None:
+        """Pieces of curved fragments, with their normals in the world."""
+        pieces = self.grid.pieces
+        if pieces is None:
+            return None
+        return pieces._replace(normal=self.pose.rotate(pieces.normal))
+
     def facing(self, towards: Float[np.ndarray, "#s 3"] | None) -> Facing:
         """Part of each fragment that faces a direction, of any length; None for all.
 
         A curved fragment may face it in part only.
         """
-        pieces = self.grid.pieces
-        if towards is None or pieces is None:
+        if towards is None or self._pieces is None:
             return Facing(normal=self.normal, fraction=1.0)
-        in_body = self.pose.rotate_back(towards)
-        vectors = self.pose.rotate(pieces.facing(in_body, len(self.normal)))
-        fraction = np.linalg.norm(vectors, axis=1)
+        vectors = self._pieces.facing(towards, len(self.normal))
+        fraction = row_length(vectors)
         turned = np.where(fraction[:, None] > 0, unit_vectors(vectors), self.normal)
         return Facing(normal=turned, fraction=fraction)
 
