@@ -14,8 +14,10 @@ def acting_fraction(
     term: AbstractSurfaceTerm, surface: Surface, is_acting: Bool[np.ndarray, " s"]
 ) -> Float[np.ndarray, " s"]:
     """Fraction of each fragment that a term acts on."""
+    # A method of a module is a new object in each call: one for all bodies.
+    fraction_of = term.acting_fraction
     fractions = [
-        np.broadcast_to(np.asarray(term.acting_fraction(body), float), body.area.shape)
+        np.broadcast_to(np.asarray(fraction_of(body), float), body.area.shape)
         for body in surface.bodies
     ]
     return np.concatenate(fractions) * is_acting

@@ -84,8 +84,10 @@ def take_snapshots(
     surfaced = bodies_with_surface(scene)
     known_poses: dict[tuple, Pose] = {}
     poses_at = []
+    # A method of a module is a new object in each call: one for all times.
+    pose_at = [body.pose.at for body in surfaced]
     for time in times:
-        poses = [body.pose.at(time) for body in surfaced]
+        poses = [at(time) for at in pose_at]
         # Equal poses are one object.
         poses_at.append(tuple(known_poses.setdefault(p.key, p) for p in poses))
     together = moving_together(
