@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from ..geometry.mesh import edges_of
-from ..geometry.vectors import row_dot, triangle_normals, unit_vectors
+from ..geometry.vectors import row_dot, row_length, triangle_normals, unit_vectors
 from ..memo.found import found
 from .coarse import SheetLinks
 from .node_complex import CLOSED
@@ -98,7 +98,7 @@ def _double_area(grid: SheetGrid) -> DoubleArea | None:
     centre = corners.mean(axis=1)
     step = -(-len(centre) // _TESTED)
     tested = np.arange(0, len(centre), step)
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    sides = row_length(corners - np.roll(corners, 1, axis=1))
     tree = KDTree(centre)
     near = tree.query_ball_point(centre[tested], sides.max(axis=1)[tested])
     sizes = np.array([len(numbers) for numbers in near])
@@ -109,15 +109,16 @@ def _double_area(grid: SheetGrid) -> DoubleArea | None:
     close = (face != candidate) & parallel & (distance < _AT_ONE_PLACE * grid.pitch)
     face = face[close]
     candidate = candidate[close]
-    within = np.ones(len(face), bool)
+    # Inside by a margin: neighbours touch, and slivers round.
+    limit = 1e-3 * row_length(area_vector)
     for corner in range(3):
         start = corners[candidate, corner]
         along = corners[candidate, (corner + 1) % 3] - start
         across = np.cross(along, centre[face] - start)
-        # Inside by a margin: neighbours touch, and slivers round.
-        limit = 1e-3 * np.linalg.norm(area_vector[candidate], axis=1)
-        within &= row_dot(across, normal[candidate]) > limit
-    double = np.unique(face[within])
+        is_inside = row_dot(across, normal[candidate]) > limit[candidate]
+        face = face[is_inside]
+        candidate = candidate[is_inside]
+    double = np.unique(face)
     if not len(double):
         return None
     area = float(cells.face_area[double].sum()) * step
