@@ -16,7 +16,7 @@ from ..geometry.files.read import read_contents, read_mesh
 from ..geometry.load import file_scale
 from ..geometry.mesh import Mesh
 from ..geometry.part_names import short_names
-from ..geometry.parts import has_extent, separate_parts
+from ..geometry.parts import separate_parts
 from ..geometry.wall_thickness import wall_thickness
 from ..memo.once import once
 from ..report.numbers import count
@@ -142,7 +142,7 @@ def _all_sizes(
                 size=np.ptp(mesh.bounds, axis=0).tolist(),
                 closed=is_closed,
                 open_edges=open_edges,
-                extent=has_extent(mesh),
+                extent=mesh.has_extent,
                 thickness=thickness(first) if is_closed else None,
             )
         )

@@ -11,7 +11,6 @@ from ..config.schema.material import material_names
 from ..config.strict_yaml import write_flow
 from ..geometry.mesh import Mesh
 from ..geometry.part_names import matching_parts, short_names
-from ..geometry.parts import encloses_volume, has_extent
 from ..geometry.wall_thickness import wall_thickness
 from .touching_parts import DividedPart, touching_parts
 
@@ -73,11 +72,11 @@ def scene_start(file: Mapping[str, object], meshes: Mapping[str, Mesh]) -> str:
     by_word: dict[tuple[str, bool], list[str]] = defaultdict(list)
     without_extent: list[str] = []
     for name, mesh in meshes.items():
-        if not has_extent(mesh):
+        if not mesh.has_extent:
             without_extent.append(names[name])
             continue
         word = name.split("/")[-1].split("#")[0]
-        by_word[word, encloses_volume(mesh)].append(name)
+        by_word[word, mesh.encloses_volume].append(name)
     groups: dict[_Group, list[str]] = {}
     for (word, is_solid), of_word in by_word.items():
         if is_solid:

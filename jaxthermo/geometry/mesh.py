@@ -18,6 +18,11 @@ from .rotation import Turn, Way, relative_key, shortest_way, way_by_angle
 from .vectors import triple, unit_vector
 
 
+_ROUNDING = 1e-7
+"""Area over the square of an extent, or volume over area and extent, that rounding of
+float32 positions gives to what has none [-]."""
+
+
 @dataclass(frozen=True)
 class Mesh:
     """Triangles in metres, z up, counter-clockwise seen from outside."""
@@ -99,6 +104,18 @@ class Mesh:
         # About the centre: far from the origin the terms would cancel digits.
         centred = self.triangles - self.bounds.mean(0)
         return float((centred.mean(1) * self.area_vectors).sum() / 3.0)
+
+    @property
+    def has_extent(self) -> bool:
+        """True if the faces have an area: they are no point and no line."""
+        extent = float(np.ptp(self.bounds, axis=0).max())
+        return self.area > _ROUNDING * extent**2
+
+    @property
+    def encloses_volume(self) -> bool:
+        """True if the surface is closed and not flattened."""
+        extent = float(np.ptp(self.bounds, axis=0).max())
+        return self.is_watertight and self.volume > _ROUNDING * self.area * extent
 
     @property
     def is_watertight(self) -> bool:
@@ -307,17 +324,6 @@ def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
     roots = connected_labels(len(faces), links)
     _, labels = np.unique(roots, return_inverse=True)
     return labels.astype(np.int64)
-
-
-def part_bounds(
-    triangles: Float[np.ndarray, "f 3 3"], labels: Int[np.ndarray, "f"], count: int
-) -> Float[np.ndarray, "2 parts 3"]:
-    """Lowest and highest corner of the box around each part of a mesh [m]."""
-    low = np.full((count, 3), np.inf)
-    high = np.full((count, 3), -np.inf)
-    np.minimum.at(low, labels, triangles.min(axis=1))
-    np.maximum.at(high, labels, triangles.max(axis=1))
-    return np.stack([low, high])
 
 
 def connected_labels(

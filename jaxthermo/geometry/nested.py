@@ -6,11 +6,11 @@ from .mesh import (
     Mesh,
     edges_of,
     is_closed,
-    part_bounds,
     part_labels,
     part_volumes,
     winding_number,
 )
+from .vectors import part_bounds
 
 
 def filled_inner_surfaces(mesh: Mesh) -> int:

@@ -16,11 +16,6 @@ from .mesh import Mesh, joined
 from .repair import repair_mesh
 
 
-_ROUNDING = 1e-7
-"""Area over the square of an extent, or volume over area and extent, that rounding of
-float32 positions gives to what has none [-]."""
-
-
 def load_parts(
     path: str | os.PathLike[str],
     *,
@@ -75,22 +70,10 @@ def separate_parts(path: Path, mesh: FileMesh, scale: FileScale) -> dict[str, Me
         )
         # Welded, so that a closed part is watertight. Of a part without extent no face
         # would be left.
-        if has_extent(patch):
+        if patch.has_extent:
             patch = repair_mesh(patch, max_hole_edges=0, turns_open=False)
         meshes[label] = patch
     return meshes
-
-
-def has_extent(mesh: Mesh) -> bool:
-    """True if the faces of a part have an area: they are no point and no line."""
-    extent = float(np.ptp(mesh.bounds, axis=0).max())
-    return mesh.area > _ROUNDING * extent**2
-
-
-def encloses_volume(mesh: Mesh) -> bool:
-    """True if a part is closed and not flattened."""
-    extent = float(np.ptp(mesh.bounds, axis=0).max())
-    return mesh.is_watertight and mesh.volume > _ROUNDING * mesh.area * extent
 
 
 class _JoinedParts(NamedTuple):

@@ -1,9 +1,9 @@
-"""Vectors of length one, and products of rows of vectors."""
+"""Vectors of length one, products of rows of vectors, and boxes around triangles."""
 
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..errors import InputError
 
@@ -80,3 +80,14 @@ def tangents(
     axis = np.eye(3)[np.abs(normal).argmin(axis=1)]
     first = unit_vectors(np.cross(normal, axis))
     return first, np.cross(normal, first)
+
+
+def part_bounds(
+    triangles: Float[np.ndarray, "f 3 3"], labels: Int[np.ndarray, " f"], count: int
+) -> Float[np.ndarray, "2 parts 3"]:
+    """Lowest and highest corner of the box around each part of a mesh [m]."""
+    low = np.full((count, 3), np.inf)
+    high = np.full((count, 3), -np.inf)
+    np.minimum.at(low, labels, triangles.min(axis=1))
+    np.maximum.at(high, labels, triangles.max(axis=1))
+    return np.stack([low, high])

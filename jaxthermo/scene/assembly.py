@@ -8,7 +8,6 @@ from ..errors import InputError, require
 from ..geometry.equal_parts import placed_parts
 from ..geometry.mesh import Mesh
 from ..geometry.part_names import assign_rules, short_names
-from ..geometry.parts import has_extent
 from ..material.material import Material
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
@@ -97,7 +96,7 @@ def assembly(
         if rule.structure is None:
             continue
         mesh = placed[name].mesh
-        if not has_extent(mesh):
+        if not mesh.has_extent:
             raise InputError(
                 f"assembly(parts=): the part {name!r} has no extent: leave it out by "
                 f"Rule({short[name]!r})"

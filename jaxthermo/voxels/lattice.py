@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from ..geometry.mesh import Mesh, connected_labels, part_bounds
+from ..geometry.mesh import Mesh, connected_labels
+from ..geometry.vectors import part_bounds
 from ..host_memory import available_bytes, require_memory
 from ..raster.fragments import DepthLayers, peel_mesh
 

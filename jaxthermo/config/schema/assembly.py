@@ -7,7 +7,6 @@ from pydantic import ValidationError
 
 from ...errors import InputError
 from ...geometry.part_names import assign_rules, short_names
-from ...geometry.parts import has_extent
 from ..types.model import Data, Mistake, MistakesError, Model, mistakes_in
 from ..types.quantities import Flag, NotEmpty, PositiveLength, StartTemperature
 from .body import BodyConfig, BodyOptions
@@ -125,7 +124,7 @@ def _bodies_of_assembly(raw: Any, context: Any) -> list[Data]:
         rule = assembly.parts[number]
         if rule.ignore:
             continue
-        if not has_extent(parts[label].mesh):
+        if not parts[label].mesh.has_extent:
             remedy = f"{{match: {names[label]!r}, ignore: true}}"
             message = f"the part {label!r} has no extent: leave it out by {remedy}"
             mistakes.append((("mesh",), message))

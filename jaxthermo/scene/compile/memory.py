@@ -75,7 +75,9 @@ _KEPT_ONCE_STENCIL = _Parts(fragments=48, cut_voxels=136)
 _KEPT_SNAPSHOT = _Parts(fragments=30)
 # On a sheet, whose fragments are each lit by several triangles.
 _KEPT_SNAPSHOT_OF_SHEET = _Parts(fragments=68)
-_KEPT_MOVED = _Parts(faces=144, fragments=88)
+_KEPT_MOVED = _Parts(faces=72, fragments=88)
+# Triangles of bodies that move are joined with those of others that do.
+_KEPT_MOVED_TOGETHER = _Parts(faces=72)
 
 # Two states of a step, five of stages; a solve has a dozen, and the levels' own.
 _STEPS_STENCIL: dict[Method, _Parts] = {
@@ -147,6 +149,8 @@ class _Kind(NamedTuple):
     is_known: bool
     """True if a body before it has the same grid."""
     moves: bool
+    moves_with_others: bool
+    """True if it moves, and is not the only one."""
     is_sheet: bool
 
 
@@ -199,6 +203,8 @@ def _counts_by_kind(
         for number in numbers
         if len(numbers) > 1
     }
+    is_moving = [isinstance(body.pose, Motion) for body in scene.bodies]
+    several_move = sum(is_moving) > 1
     grids: set[int] = set()
     counts: dict[_Kind, list[_Parts]] = {}
     for number, body in enumerate(scene.bodies):
@@ -211,7 +217,8 @@ def _counts_by_kind(
             is_mixed=isinstance(body.material, AbstractMaterials),
             is_joined=number in joined,
             is_known=id(grid) in grids,
-            moves=isinstance(body.pose, Motion),
+            moves=is_moving[number],
+            moves_with_others=is_moving[number] and several_move,
             is_sheet=isinstance(grid, SheetGrid),
         )
         grids.add(id(grid))
@@ -288,7 +295,10 @@ def _forecast_of_kind(
         kept_snapshot = _KEPT_MOVED
     elif body_kind.is_sheet:
         kept_snapshot = _KEPT_SNAPSHOT_OF_SHEET
-    retained += (snapshots - 1) * kept_snapshot.bytes_of(read)
+    of_snapshot = kept_snapshot.bytes_of(read)
+    if body_kind.moves_with_others:
+        of_snapshot += _KEPT_MOVED_TOGETHER.bytes_of(read)
+    retained += (snapshots - 1) * of_snapshot
     retained += counts.varying_links * (8 * width + 8)
     return _KindForecast(
         retained=retained * (_KEPT_DOUBLE if width == 8 else 1),

@@ -18,6 +18,7 @@ SURFACE = jt.Material(0.7, density=2100.0, specific_heat=920.0, emissivity=0.95)
 class LinkedSheet(jt.Sheet):
     """A sheet whose cells are linked like all other nodes."""
 
+    @property
     def columns(self):
         return None
 

@@ -13,7 +13,6 @@ from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.part_names import matching_parts
-from jaxthermo.geometry.parts import encloses_volume, has_extent
 from tests.mesh_files import box_gltf, box_primitive
 
 
@@ -303,12 +302,12 @@ def test_extent_does_not_hang_on_rounding():
     triangle = np.array([[0, 1, 2]])
     wire = jt.Mesh(line @ turn.T, triangle)
     assert wire.area > 0.0
-    assert not has_extent(wire)
-    assert not has_extent(jt.Mesh(0.0 * line, triangle))
+    assert not wire.has_extent
+    assert not jt.Mesh(0.0 * line, triangle).has_extent
     # A strip a hundred thousand times as long as wide, and a small one.
     strip = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1e-5, 0.0]]
-    assert has_extent(jt.Mesh(np.array(strip), triangle))
-    assert has_extent(jt.Mesh(1e-6 * np.eye(3), triangle))
+    assert jt.Mesh(np.array(strip), triangle).has_extent
+    assert jt.Mesh(1e-6 * np.eye(3), triangle).has_extent
 
 
 def test_a_flattened_box_encloses_no_volume():
@@ -316,7 +315,7 @@ def test_a_flattened_box_encloses_no_volume():
     turn = trimesh.transformations.rotation_matrix(0.37, (0.3, 0.1, 1.0))[:3, :3]
     foil = jt.Mesh(box.vertices * (1.0, 1.0, 1e-4) @ turn.T, box.faces)
     flat = jt.Mesh(box.vertices * (1.0, 1.0, 0.0) @ turn.T, box.faces)
-    assert encloses_volume(foil)
+    assert foil.encloses_volume
     assert flat.is_watertight
-    assert has_extent(flat)
-    assert not encloses_volume(flat)
+    assert flat.has_extent
+    assert not flat.encloses_volume
