@@ -122,8 +122,10 @@ class EnergyTable(NamedTuple):
     """Heat that all bodies store."""
     relative: Float[Values, " t"]
     """(total - sum of mechanisms) / heat moved [-]."""
+    residual_of_bodies: Float[Values, "t b"]
+    """Heat that each body stores less that of its mechanisms and contacts."""
     relative_of_bodies: Float[Values, "t b"]
-    """The like of each body, with its contacts among the mechanisms."""
+    """The like of each body over the heat that it moved [-]."""
 
 
 def energy_table(
@@ -141,7 +143,7 @@ def energy_table(
     for entry in ends.load.tolist():
         outer[entry, names.index(entries[entry][0])] = 1
     mechanisms = product(heat, device_array(outer))
-    into = ends.into_bodies(heat, bodies)
+    residual_of_bodies = stored - ends.into_bodies(heat, bodies)
     through = ends.through_bodies(moved, bodies)
     total = stored.sum(axis=1)
     # Contacts cancel in the sum over bodies.
@@ -152,7 +154,8 @@ def energy_table(
         mechanisms=mechanisms,
         total=total,
         relative=error / _nonzero(moved.sum(axis=1) + equalization.sum()),
-        relative_of_bodies=(stored - into) / _nonzero(through + equalization[None]),
+        residual_of_bodies=residual_of_bodies,
+        relative_of_bodies=residual_of_bodies / _nonzero(through + equalization[None]),
     )
 
 

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 from typing_extensions import override
 
 from ..geometry.mesh import edges_of, part_labels
+from ..geometry.vectors import part_bounds
 from ..voxels.cavities import AbstractCavities
 
 
@@ -164,10 +165,7 @@ def find_insides(
     is_border = (edges.uses[edges.edge] % 2 == 1) & (edges.start != edges.end)
     has_border = np.bincount(np.repeat(label, 3)[is_border], minlength=count) > 0
     corners = vertices[faces]
-    lower = np.full((count, 3), np.inf)
-    upper = np.full((count, 3), -np.inf)
-    np.minimum.at(lower, label, corners.min(axis=1))
-    np.maximum.at(upper, label, corners.max(axis=1))
+    lower, upper = part_bounds(corners, label, count)
     # Of a piece within another one the box is smaller.
     diagonal = np.linalg.norm(upper - lower, axis=1)
     closed = np.flatnonzero(~has_border)

@@ -151,12 +151,7 @@ def _balance(
     if saved is not None:
         statistics = jax.tree.map(lambda a: a[-1], saved.statistics)
     result = run_result(rows.is_finite.all(), rows.is_physical.all(), statistics)
-    residual = energy_residual(
-        program,
-        stored=stored,
-        heat=rows.ledger.heat,
-        relative=energy.relative,
-    )
+    residual = energy_residual(program, energy)
     balance = _Balance(
         rows=rows,
         energy=energy,

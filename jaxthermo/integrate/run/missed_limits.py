@@ -15,9 +15,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...choices import Dtype
-from ...physics.flux_law import Values
 from ...scene.compile.program import Program
-from ..ledger import EntryEnds
+from ..ledger import EnergyTable
 from .time_error import TimeError
 
 
@@ -37,23 +36,10 @@ class EnergyResidual(NamedTuple):
     """Over the heat capacity of the body [K]."""
 
 
-def energy_residual(
-    program: Program,
-    stored: Float[Array, "t b"],
-    heat: Float[Array, "t c"],
-    relative: Float[Values, " t"],
-) -> EnergyResidual:
-    """Return the residual of a ledger with one column for each entry.
-
-    Args:
-        program: has the entries and the bodies.
-        stored: heat that each body stores since the start [J].
-        heat: heat of each entry since the start [J].
-        relative: residual of all bodies together over the heat that passed [-].
-    """
-    into = EntryEnds.of(program.entries).into_bodies(heat, program.body_count)
-    kelvin = jnp.abs(stored - into) / program.total_capacity()[None]
-    return EnergyResidual(relative=jnp.abs(relative).max(), kelvin=kelvin.max())
+def energy_residual(program: Program, energy: EnergyTable) -> EnergyResidual:
+    """Return the largest residuals of the energies of a run."""
+    kelvin = jnp.abs(energy.residual_of_bodies) / program.total_capacity()[None]
+    return EnergyResidual(relative=jnp.abs(energy.relative).max(), kelvin=kelvin.max())
 
 
 class JudgedRun(NamedTuple):

@@ -96,10 +96,11 @@ def temperature_bounds(
         xp.concatenate([xp.asarray(v, float) for v in lowest], None).min(), dtype
     )
     if any(_imposes_heat(program) for program in programs):
+        largest = partial(_largest_of_group, group=exchanging_bodies(programs))
         around = jnp.asarray(hottest, scene.dtype)
-        hottest = _highest(programs, around=around, end=end, duration=duration)
+        hottest = _highest(programs, largest, around=around, end=end, duration=duration)
         around = jnp.asarray(coldest, scene.dtype)
-        coldest = _lowest(programs, around=around, end=end, duration=duration)
+        coldest = _lowest(programs, largest, around=around, end=end, duration=duration)
     return TemperatureBounds(
         highest=typed_array(hottest, dtype), lowest=typed_array(coldest, dtype)
     )
@@ -125,8 +126,9 @@ def _largest(of_programs: Iterable[Float[Array, "..."]]) -> Float[Array, "..."]:
     return reduce(jnp.maximum, of_programs)
 
 
-def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
-    largest = partial(_largest_of_group, group=exchanging_bodies(programs))
+def _highest(
+    programs, largest, around, end: float, duration: float
+) -> Float[Array, ""]:
     heat = [_imposed_heat(program, end, _HEATS) for program in programs]
     over = partial(_rise, end=end, duration=duration)
     nodes = around + largest(over([one.of_all for one in heat]))
@@ -153,9 +155,8 @@ def _highest(programs, around, end: float, duration: float) -> Float[Array, ""]:
     return jnp.where(jnp.isfinite(highest), highest, jnp.maximum(_HOTTEST, around))
 
 
-def _lowest(programs, around, end: float, duration: float) -> Float[Array, ""]:
+def _lowest(programs, largest, around, end: float, duration: float) -> Float[Array, ""]:
     heat = [_imposed_heat(program, end, _COOLS) for program in programs]
-    largest = partial(_largest_of_group, group=exchanging_bodies(programs))
     rises = [one.of_all for one in heat]
     fall = largest(_rise(rises, end=end, duration=duration))
     fall = fall + largest(_largest(one.excess for one in heat))
