@@ -91,7 +91,8 @@ def compile_scene(
     """
     # Memory is checked before anything large is made.
     starts = _snapshot_times(scene, end)
-    classes = speed_classes(scene) if joins else tuple(range(len(scene.bodies)))
+    numbers = tuple(range(len(scene.bodies)))
+    classes = speed_classes(scene, float(end)) if joins else numbers
     memory = check_memory(
         scene, saves=saves, snapshots=len(starts), method=method, classes=classes
     )

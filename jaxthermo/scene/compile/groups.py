@@ -5,6 +5,7 @@ a table, so that a program has as many operations for many bodies as for a few. 
 that is alone in its form, or that a stencil conducts faster, is a group by itself.
 """
 
+import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -34,9 +35,9 @@ _MOST_VOXELS = 16384
 """Voxels above which a stencil of its own may pay: below, the steps of one network with
 others take no longer, and it compiles in half the time of four stencils."""
 
-_SLOW_NODES = 8192
-"""Nodes of slow bodies from which these are apart from fast ones: fewer would not pay
-for the compilation of another network."""
+_MIN_SAVED = 2**25
+"""Stages of single nodes that slow bodies must save in a run to be apart from fast
+ones: less would not pay for the compilation of another network."""
 
 _SLOWER = 16.0
 """Ratio of diffusion rates, of the fastest body to one that counts as slow: a step of
@@ -125,12 +126,12 @@ def grouped_numbers(
 ) -> list[list[int]]:
     """Numbers of the bodies of each group, in the order of the scene.
 
-    Bodies of a group have one class, by default that of `speed_classes`.
+    Bodies of a group have one class, as those of `speed_classes`; by default, all do.
     """
     if len(scene.bodies) < _LEAST_BODIES:
         return [[number] for number in range(len(scene.bodies))]
     if classes is None:
-        classes = speed_classes(scene)
+        classes = (0,) * len(scene.bodies)
     return found(
         (scene,),
         by=("grouped numbers", classes),
@@ -160,15 +161,12 @@ def _grouped_numbers(scene: Scene, classes: tuple[int, ...]) -> list[list[int]]:
     return sorted(groups)
 
 
-def speed_classes(scene: Scene) -> tuple[int, ...]:
-    """Class of each body: 1 for slow ones if they have many nodes, else 0.
+def speed_classes(scene: Scene, end: float) -> tuple[int, ...]:
+    """Class of each body in a run up to `end` [s]: 1 for slow ones, 0 for all others.
 
-    Apart from a fast body, slow ones take few stages in a step, see `part_stepper`.
+    Apart from a fast body, slow ones take few stages in a step, see `part_stepper`:
+    that saves a long run much, and a short one less than it costs.
     """
-    return found((scene,), by="speed classes", find=lambda: _speed_classes(scene))
-
-
-def _speed_classes(scene: Scene) -> tuple[int, ...]:
     # Many bodies share a material.
     largest_diffusivity = once(_largest_diffusivity)
     rates = [
@@ -177,14 +175,18 @@ def _speed_classes(scene: Scene) -> tuple[int, ...]:
         else largest_diffusivity(body.material) / body.structure.grid.pitch**2
         for body, form in zip(scene.bodies, _body_forms(scene), strict=True)
     ]
-    slow = max(rates, default=0.0) / _SLOWER
-    is_slow = [0 < rate < slow for rate in rates]
+    fastest = max(rates, default=0.0)
+    is_slow = [0 < rate < fastest / _SLOWER for rate in rates]
     nodes = sum(
         body.structure.node_count
         for body, is_one in zip(scene.bodies, is_slow, strict=True)
         if is_one
     )
-    return tuple(int(is_one and nodes >= _SLOW_NODES) for is_one in is_slow)
+    # Those of one step as long as the run, by the stable step 1 / (6 rate): a run of n
+    # steps takes sqrt(n) times as many.
+    stages = 2 * math.sqrt(6 * fastest * end)
+    pays = nodes * stages >= _MIN_SAVED
+    return tuple(int(is_one and pays) for is_one in is_slow)
 
 
 def _largest_diffusivity(solid: Material | AbstractMaterials | None) -> float:

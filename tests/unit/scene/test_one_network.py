@@ -255,14 +255,15 @@ def mixed_speeds():
     )
 
 
-def test_many_nodes_of_slow_bodies_are_a_group_apart(monkeypatch):
-    monkeypatch.setattr(groups, "_SLOW_NODES", 5 * 12 + 1)
+def test_slow_bodies_are_a_group_apart_where_a_run_is_long_enough(monkeypatch):
     scene = jt.Scene(mixed_speeds(), TERMS)
+    # 60 slow nodes, of a scene whose largest stable step is .2 s.
+    monkeypatch.setattr(groups, "_MIN_SAVED", 60 * 2 * 10)
+    assert groups.speed_classes(scene, 19.0) == (0,) * 9
     assert groups.grouped_numbers(scene) == [list(range(9))]
-    monkeypatch.setattr(groups, "_SLOW_NODES", 5 * 12)
-    scene = jt.Scene(mixed_speeds(), TERMS)
-    assert groups.speed_classes(scene) == (0, 1, 1, 0, 1, 0, 1, 0, 1)
-    assert groups.grouped_numbers(scene) == [[0, 3, 5, 7], [1, 2, 4, 6, 8]]
+    classes = groups.speed_classes(scene, 21.0)
+    assert classes == (0, 1, 1, 0, 1, 0, 1, 0, 1)
+    assert groups.grouped_numbers(scene, classes) == [[0, 3, 5, 7], [1, 2, 4, 6, 8]]
     apart_from_all = tuple(range(9))
     assert groups.grouped_numbers(scene, apart_from_all) == [[n] for n in range(9)]
 
@@ -272,7 +273,7 @@ def test_groups_of_two_speeds_are_as_one_group(monkeypatch):
     scene = jt.Scene(mixed_speeds(), TERMS, dtype="float64")
     solver = jt.ForwardEuler(dt=0.1)
     one_group = jt.simulate(scene, 1.0, solver=solver)
-    monkeypatch.setattr(groups, "_SLOW_NODES", 1)
+    monkeypatch.setattr(groups, "_MIN_SAVED", 1)
     two_groups = jt.simulate(scene, 1.0, solver=solver)
     assert_equal_runs(two_groups, one_group, rel=1e-12)
 

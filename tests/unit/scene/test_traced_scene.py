@@ -14,7 +14,6 @@ import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.scene.compile.compile import _bind
-from jaxthermo.scene.compile.groups import speed_classes
 from jaxthermo.scene.compile.traced_scene import separate_numbers, trace_scene
 from jaxthermo.scene.scene import MaterialLabels, MaterialMap
 
@@ -91,7 +90,7 @@ def test_contact():
 def _check(scene: jt.Scene) -> None:
     bind = partial(
         _bind,
-        classes=speed_classes(scene),
+        classes=(0,) * len(scene.bodies),
         starts=(0.0,),
         end=20.0,
         duration=20.0,
