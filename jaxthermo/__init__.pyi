@@ -182,12 +182,12 @@ from .structures.weights import (
     FitCard as FitCard,
 )
 from .voxels.cylinders import Cylinder as Cylinder
+from .voxels.fragment_mask import FragmentMask as FragmentMask
 from .voxels.from_array import grid_from_voxels as grid_from_voxels
 from .voxels.grid import VoxelGrid as VoxelGrid
 from .voxels.selection import (
     Everything as Everything,
     Face as Face,
-    FragmentMask as FragmentMask,
     Region as Region,
     Side as Side,
 )

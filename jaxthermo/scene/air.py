@@ -16,9 +16,8 @@ def bodies_with_surface(scene: Scene) -> tuple[Body, ...]:
 
 def bodies_around_air(scene: Scene) -> dict[int, int]:
     """Number of the body that encloses each body of air, by the number of the air."""
-    return {
-        term.air: term.body for term in scene.terms if isinstance(term, EnclosedAir)
-    }
+    pairs = [t.named_bodies for t in scene.terms if isinstance(t, EnclosedAir)]
+    return {air: body for body, air in pairs}
 
 
 def check_airs(scene: Scene) -> None:
@@ -31,25 +30,25 @@ def check_airs(scene: Scene) -> None:
     for number, term in enumerate(scene.terms):
         if not isinstance(term, InteriorAir | EnclosedAir):
             continue
-        if term.body in enclosed:
+        body, *airs = term.named_bodies
+        if body in enclosed:
             raise InputError(
-                f"terms[{number}]: body {term.body} has the air of terms["
-                f"{enclosed[term.body]}] already: give one of both"
+                f"terms[{number}]: body {body} has the air of terms["
+                f"{enclosed[body]}] already: give one of both"
             )
-        enclosed[term.body] = number
-        if not isinstance(term, EnclosedAir):
-            continue
-        if not isinstance(scene.bodies[term.air].structure, AirVolume):
-            raise InputError(
-                f"terms[{number}]: EnclosedAir(air={term.air}): body {term.air} is no "
-                "AirVolume: name the body of air"
-            )
-        if term.air in air_terms:
-            raise InputError(
-                f"terms[{number}]: EnclosedAir(air={term.air}): the air of terms["
-                f"{air_terms[term.air]}]: give each its own AirVolume"
-            )
-        air_terms[term.air] = number
+        enclosed[body] = number
+        for air in airs:
+            if not isinstance(scene.bodies[air].structure, AirVolume):
+                raise InputError(
+                    f"terms[{number}]: EnclosedAir(air={air}): body {air} is no "
+                    "AirVolume: name the body of air"
+                )
+            if air in air_terms:
+                raise InputError(
+                    f"terms[{number}]: EnclosedAir(air={air}): the air of terms["
+                    f"{air_terms[air]}]: give each its own AirVolume"
+                )
+            air_terms[air] = number
     for number, body in enumerate(scene.bodies):
         if not isinstance(body.structure, AirVolume):
             continue

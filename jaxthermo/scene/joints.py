@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 from ..arrays import TimeVarying
 from ..errors import InputError
-from ..geometry.part_names import matching_parts, unmatched_name
 from ..physics.contact.joint import AbstractJoint, Groups
 from ..physics.contact.links import Contact
 from ..physics.contact.seam import Seam
 from ..structures.kinds.sheet import Sheet
+from .body_numbers import body_numbers
 from .scene import Body
 
 
@@ -64,13 +64,7 @@ def joints(
 
 
 def _numbers_of(pattern: str, names: Sequence[str]) -> tuple[int, ...]:
-    """Numbers of the bodies whose names a pattern matches.
-
-    Raises:
-        InputError: if there are none.
-    """
-    named = {name: number for number, name in enumerate(names) if name}
-    matching = matching_parts(pattern, named)
-    if not matching:
-        raise InputError(f"joints(pairs=): {unmatched_name(pattern, list(named))}")
-    return tuple(named[name] for name in matching)
+    try:
+        return body_numbers(pattern, names)
+    except InputError as error:
+        raise InputError(f"joints(pairs=): {error}") from error

@@ -31,6 +31,7 @@ from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..voxels.abstract_grid import AbstractGrid
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection, Region
+from .body_numbers import check_numbers, with_numbers
 from .coating import Coating
 from .motion import Motion
 from .named import Probe, as_probes, check_names
@@ -271,6 +272,9 @@ class Scene(Module):
     )
     """Outputs to save for every fragment besides its temperature: `SURFACE_OUTPUTS`."""
 
+    def __post_init__(self):
+        self.terms = with_numbers(self.terms, self.bodies)
+
     def __check_init__(self):
         _require_all(
             self.bodies, cls=Body, field="bodies", give="a Body, as in (body,)"
@@ -307,13 +311,7 @@ class Scene(Module):
             )
         if not self.allow_extreme_temperatures:
             self._check_temperatures()
-        for i, term in enumerate(self.terms):
-            for body in term.named_bodies:
-                if not 0 <= body < len(self.bodies):
-                    raise InputError(
-                        f"terms[{i}] is on body {body}, and there are "
-                        f"{len(self.bodies)}: count from 0"
-                    )
+        check_numbers(self.terms, len(self.bodies))
 
     def _repr_html_(self) -> str:
         return html_of(self)

@@ -42,8 +42,8 @@ class Cylinder:
     """Diameter [m]."""
     length: Number | None = None
     """Length [m]; None for an infinite cylinder."""
-    body: int = 0
-    """Number of the body in the scene."""
+    body: int | str = 0
+    """Number of the body in the scene, or its name."""
 
     def __post_init__(self):
         try:

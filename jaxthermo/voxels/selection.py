@@ -2,6 +2,7 @@
 
 import abc
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple, overload
 
 import equinox as eqx
@@ -67,6 +68,11 @@ class AbstractSelection(eqx.Module):
         """Flag the selected surface fragments of one body."""
 
     @property
+    def has_names(self) -> bool:
+        """True if it names bodies, whose numbers only a scene knows."""
+        return False
+
+    @property
     def is_geometric(self) -> bool:
         """True if points and normals suffice, False if it depends on fragments."""
         return True
@@ -93,13 +99,13 @@ class AbstractSelection(eqx.Module):
         return self.select(samples.fragments)[samples.fragment][None]
 
     def __and__(self, selection: "AbstractSelection") -> "AbstractSelection":
-        return _combined("&", (self, selection))
+        return combined("&", (self, selection))
 
     def __or__(self, selection: "AbstractSelection") -> "AbstractSelection":
-        return _combined("|", (self, selection))
+        return combined("|", (self, selection))
 
     def __invert__(self) -> "AbstractSelection":
-        return _combined("~", (self,))
+        return combined("~", (self,))
 
 
 class AbstractSpace(AbstractSelection):
@@ -167,30 +173,45 @@ class AbstractSpace(AbstractSelection):
         return _CombinedSpace(rule="~", operands=(self,))
 
 
-class _AbstractOnOneBody(AbstractSelection):
-    """Selection on a single body."""
+def known_number(body: int | str) -> int:
+    """Number of a body, whose name a scene has replaced."""
+    assert isinstance(body, int)
+    return body
+
+
+class AbstractOnOneBody(AbstractSelection):
+    """Selection on a single body, or on all whose names match a pattern."""
 
     # A property, not an `AbstractVar`, which editors take for the first argument.
     @property
     @abc.abstractmethod
-    def body(self) -> int:
-        """Number of the body in the scene."""
+    def body(self) -> int | str:
+        """Number of the body in the scene, or a pattern of names as in `assembly`."""
+
+    def numbered(self, body: int) -> "AbstractOnOneBody":
+        """The selection on the body of a number."""
+        return replace(self, body=body)
 
     @property
     @override
     def bodies(self) -> tuple[int, ...]:
-        return (self.body,)
+        return () if isinstance(self.body, str) else (self.body,)
+
+    @property
+    @override
+    def has_names(self) -> bool:
+        return isinstance(self.body, str)
 
     @override
     def on_body(self, body: int) -> AbstractSelection | None:
         return self if body == self.body else None
 
 
-class Side(_AbstractOnOneBody):
+class Side(AbstractOnOneBody):
     """Fragments of a body whose normal is within `half_angle` [rad] of `normal`."""
 
     normal: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
-    body: int = static_numbers(0)
+    body: int | str = static_numbers(0)
     half_angle: float = static_numbers(float(np.pi / 4))
 
     def __check_init__(self):
@@ -208,7 +229,7 @@ class Side(_AbstractOnOneBody):
         return np.greater(cosine, np.cos(self.half_angle) - 1e-9)
 
 
-class Face(_AbstractOnOneBody):
+class Face(AbstractOnOneBody):
     """One of the two faces of a sheet: "front", on the side of the normals, or "back".
 
     Example:
@@ -222,7 +243,7 @@ class Face(_AbstractOnOneBody):
 
     name: FaceName = eqx.field(static=True)
     """"front" or "back"."""
-    body: int = static_numbers(0)
+    body: int | str = static_numbers(0)
 
     def __check_init__(self):
         if self.name not in FACES:
@@ -243,12 +264,12 @@ class Face(_AbstractOnOneBody):
         return np.equal(fragments.face, FACES.index(self.name))
 
 
-class Region(_AbstractOnOneBody, AbstractSpace):
+class Region(AbstractOnOneBody, AbstractSpace):
     """Part of a body inside a box with corners `lower` and `upper` [m]."""
 
     lower: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
     upper: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
-    body: int = static_numbers(0)
+    body: int | str = static_numbers(0)
 
     def __check_init__(self):
         try:
@@ -292,10 +313,10 @@ class Region(_AbstractOnOneBody, AbstractSpace):
         return np.prod(np.maximum(common, 0) / (high - low), axis=1)
 
 
-class Everything(_AbstractOnOneBody, AbstractSpace):
+class Everything(AbstractOnOneBody, AbstractSpace):
     """Whole body."""
 
-    body: int = static_numbers(0)
+    body: int | str = static_numbers(0)
 
     @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -309,62 +330,6 @@ class Everything(_AbstractOnOneBody, AbstractSpace):
         return np.zeros(len(low), bool)
 
 
-class FragmentMask(_AbstractOnOneBody):
-    """Surface fragments given by a mask, in the order of the body's grid."""
-
-    body: int = eqx.field(static=True, default=0)
-    count: int = eqx.field(static=True, default=0)
-    """Number of fragments of the body."""
-    packed: bytes = eqx.field(static=True, default=b"")
-    """Mask with eight fragments a byte: static fields must be hashable."""
-
-    def __init__(self, mask: Any, body: int = 0):
-        """Select fragments by a mask.
-
-        Args:
-            mask: one truth value per fragment, e.g.
-                `grid.fragment_position[:, 2] > 0.1`.
-            body: number of the body.
-
-        Raises:
-            InputError: for anything but one-dimensional truth values.
-        """
-        values = np.asarray(mask)
-        if values.dtype != bool or values.ndim != 1:
-            raise InputError(
-                f"FragmentMask(mask=): got {values.dtype} values of shape "
-                f"{values.shape}: give one True or False for each fragment"
-            )
-        self.body = int(body)
-        self.count = len(values)
-        self.packed = np.packbits(values).tobytes()
-
-    @property
-    def mask(self) -> Bool[np.ndarray, " s"]:
-        """Flags of the selected fragments."""
-        bits = np.frombuffer(self.packed, np.uint8)
-        return np.unpackbits(bits, count=self.count).astype(bool)
-
-    @property
-    @override
-    def is_geometric(self) -> bool:
-        return False
-
-    def __repr__(self) -> str:
-        selected = int(np.count_nonzero(self.mask))
-        return f"FragmentMask({selected} of {self.count} fragments, body={self.body})"
-
-    @override
-    def select(self, fragments: FragmentCentres) -> Bool[np.ndarray, " s"]:
-        if len(fragments.position) != self.count:
-            raise InputError(
-                f"FragmentMask(mask=): it has {self.count} values and body "
-                f"{self.body} has {len(fragments.position)} fragments: make it from "
-                "the grid of that body"
-            )
-        return self.mask
-
-
 _RULES: dict[str, Callable[[Sequence[np.ndarray]], Any]] = {
     "&": np.logical_and.reduce,
     "|": np.logical_or.reduce,
@@ -373,7 +338,7 @@ _RULES: dict[str, Callable[[Sequence[np.ndarray]], Any]] = {
 # Flags of a combination, from those of its parts.
 
 
-class _AbstractCombination(AbstractSelection):
+class AbstractCombination(AbstractSelection):
     """Combination of selections by one of the rules."""
 
     rule: AbstractVar[str]
@@ -386,6 +351,11 @@ class _AbstractCombination(AbstractSelection):
         together = set.intersection if self.rule == "&" else set.union
         return tuple(sorted(together(*operand_bodies)))
 
+    @property
+    @override
+    def has_names(self) -> bool:
+        return any(operand.has_names for operand in self.operands)
+
     @override
     def on_body(self, body: int) -> AbstractSelection | None:
         if body not in self.bodies:
@@ -394,7 +364,7 @@ class _AbstractCombination(AbstractSelection):
         operands = tuple(part for part in parts if part is not None)
         if len(operands) == 1 and self.rule != "~":
             return operands[0]
-        return _combined(self.rule, operands)
+        return combined(self.rule, operands)
 
     @override
     def divides(
@@ -430,7 +400,7 @@ class _AbstractCombination(AbstractSelection):
         return f"({f' {self.rule} '.join(texts)})"
 
 
-class _CombinedSurface(_AbstractCombination):
+class _CombinedSurface(AbstractCombination):
     """Combination of which a part depends on the normal or on single fragments."""
 
     rule: str = eqx.field(static=True)
@@ -442,7 +412,7 @@ class _CombinedSurface(_AbstractCombination):
         return _RULES[self.rule](flags)
 
 
-class _CombinedSpace(_AbstractCombination, AbstractSpace):
+class _CombinedSpace(AbstractCombination, AbstractSpace):
     """Combination of parts of space."""
 
     rule: str = eqx.field(static=True)
@@ -463,7 +433,7 @@ class _CombinedSpace(_AbstractCombination, AbstractSpace):
         return super().fraction_of_boxes(low, high)
 
 
-def _combined(rule: str, operands: tuple[Any, ...]) -> AbstractSelection:
+def combined(rule: str, operands: tuple[Any, ...]) -> AbstractSelection:
     """A combination of selections.
 
     Raises:
@@ -479,7 +449,7 @@ def _combined(rule: str, operands: tuple[Any, ...]) -> AbstractSelection:
     if all(isinstance(operand, AbstractSpace) for operand in operands):
         combination_class = _CombinedSpace
     combination = combination_class(rule=rule, operands=operands)
-    if not combination.bodies:
+    if not combination.has_names and not combination.bodies:
         raise InputError(
             f"{combination!r}: its parts are on different bodies and have nothing in "
             "common: give both the same `body`, or join them by |"

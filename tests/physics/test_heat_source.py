@@ -12,7 +12,8 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.physics.heat_source import HeatSource, VolumeBinding
 from jaxthermo.physics.surface import Omitted
-from jaxthermo.voxels.selection import Everything, FragmentMask, Region, Side
+from jaxthermo.voxels.fragment_mask import FragmentMask
+from jaxthermo.voxels.selection import Everything, Region, Side
 from tests.bodies import bar, blocks, body_at, depth, on_top, single_body_scene
 
 

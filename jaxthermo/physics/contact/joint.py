@@ -10,12 +10,13 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
+from ...voxels.selection import known_number
 from ..term import AbstractPairTerm
 from ..time_varying import check_value, is_zero
 
 
-BodyNumbers = int | tuple[int, ...]
-"""Number of a body, or of several."""
+BodyNumbers = int | str | tuple[int | str, ...]
+"""Number of a body, or of several; in place of numbers, patterns of names."""
 Groups = tuple[tuple[int, ...], tuple[int, ...]]
 """Numbers of the bodies on either side."""
 
@@ -26,7 +27,7 @@ class AbstractJoint(AbstractPairTerm):
     conductance: eqx.AbstractVar[TimeVarying]
     """h_c [W/(m^2 K)], a number or a function of time; infinity bonds the bodies."""
     bodies: eqx.AbstractVar[tuple[BodyNumbers, BodyNumbers] | None]
-    """Numbers of two bodies, or of the bodies of two groups; None for all bodies."""
+    """Numbers or names of two bodies, or of the bodies of two groups; None for all."""
     threshold: eqx.AbstractVar[float | None]
     """Largest gap over which bodies count as touching [m]; None for a default."""
 
@@ -45,9 +46,11 @@ class AbstractJoint(AbstractPairTerm):
                 raise InputError(
                     f"{name}({argument}={length!r}): give a positive length"
                 )
+        if self.bodies is None or any(map(_has_names, self.bodies)):
+            return
         first, second = self.groups
         is_pair = first and second and len({*first, *second}) > 1
-        if self.bodies is not None and not is_pair:
+        if not is_pair:
             raise InputError(f"{name}(bodies={self.bodies}): name two bodies")
 
     @property
@@ -62,7 +65,10 @@ class AbstractJoint(AbstractPairTerm):
 
     @property
     def groups(self) -> Groups:
-        """Numbers of the bodies on either side; empty for all bodies."""
+        """Numbers of the bodies on either side; empty for all bodies.
+
+        A scene has replaced their names.
+        """
         if self.bodies is None:
             return (), ()
         first, second = self.bodies
@@ -98,5 +104,11 @@ class AbstractJoint(AbstractPairTerm):
         return (a in first and b in second) or (b in first and a in second)
 
 
+def _has_names(bodies: BodyNumbers) -> bool:
+    members = bodies if isinstance(bodies, tuple) else (bodies,)
+    return any(isinstance(member, str) for member in members)
+
+
 def _numbers(bodies: BodyNumbers) -> tuple[int, ...]:
-    return (bodies,) if isinstance(bodies, int) else bodies
+    members = bodies if isinstance(bodies, tuple) else (bodies,)
+    return tuple(known_number(member) for member in members)

@@ -351,8 +351,8 @@ class Contact(AbstractJoint):
     bodies: tuple[BodyNumbers, BodyNumbers] | None = eqx.field(
         static=True, default=None
     )
-    """Numbers of the two bodies, or of the bodies of two groups; None for any two that
-    touch."""
+    """Numbers or names of the two bodies, or of the bodies of two groups; None for any
+    two that touch."""
     threshold: float | None = eqx.field(static=True, default=None)
     """Largest gap that counts as contact [m]; None for a voxel of the finer body, and
     between two sheets for a tenth of a cell."""

@@ -63,7 +63,8 @@ class Seam(AbstractJoint):
     bodies: tuple[BodyNumbers, BodyNumbers] | None = eqx.field(
         static=True, default=None
     )
-    """Numbers of the two bodies, or of the bodies of two groups; None for all."""
+    """Numbers or names of the two bodies, or of the bodies of two groups; None for
+    all."""
     threshold: float | None = eqx.field(static=True, default=None)
     """Largest gap that counts as a seam [m]; None for a tenth of a cell of the finer
     body."""

@@ -18,6 +18,7 @@ from typing_extensions import override
 
 from ...arrays import Time, TimeVarying
 from ...errors import InputError
+from ...voxels.selection import known_number
 from ..boundary import toward
 from ..flux_law import AbstractFluxLaw, Forcing, PerCell, PerCellOrOne
 from ..surface import Binding, Omitted, Surface
@@ -115,10 +116,10 @@ class EnclosedAir(AbstractInteriorAir):
     function of time."""
     temperature: TimeVarying | None = None
     """T_out of the air that enters [K], a number or a function of time."""
-    body: int = field(static=True, default=0, kw_only=True)
-    """Number of the body that encloses the air."""
-    air: int = field(static=True, kw_only=True)
-    """Number of the body of air."""
+    body: int | str = field(static=True, default=0, kw_only=True)
+    """Number or name of the body that encloses the air."""
+    air: int | str = field(static=True, kw_only=True)
+    """Number or name of the body of air."""
 
     def __check_init__(self):
         h = self.heat_transfer_coefficient
@@ -132,16 +133,21 @@ class EnclosedAir(AbstractInteriorAir):
             )
 
     @property
+    def air_number(self) -> int:
+        """Number of the body of air in its scene."""
+        return known_number(self.air)
+
+    @property
     @override
     def named_bodies(self) -> tuple[int, ...]:
-        return (self.body, self.air)
+        return (known_number(self.body), self.air_number)
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
-        covers = inner_covers(surface, self.body, "EnclosedAir")
+        covers = inner_covers(surface, known_number(self.body), "EnclosedAir")
         law = AirLaw(
             coefficient=for_jit(self.heat_transfer_coefficient, surface.dtype),
-            air=self.air,
+            air=self.air_number,
             temperature=np.zeros((), surface.dtype),
         )
         return surface.bind(law, covers)
@@ -154,7 +160,7 @@ class EnclosedAir(AbstractInteriorAir):
         """The heat of its air, by entries of the energy ledger."""
         outside = 0.0 if self.temperature is None else self.temperature
         return AirExchange(
-            body=self.air,
+            body=self.air_number,
             entry=entry,
             walls=walls,
             rate=for_jit(self.exchange, dtype),

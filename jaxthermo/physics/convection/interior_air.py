@@ -7,6 +7,7 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
+from ...voxels.selection import known_number
 from ..boundary import Exchange, toward
 from ..flux_law import Forcing
 from ..surface import Binding, BodySurface, Cover, Omitted, Surface
@@ -56,8 +57,8 @@ class InteriorAir(AbstractInteriorAir):
     """h [W/(m^2 K)], a number or a function of time."""
     temperature: TimeVarying
     """T_air [K], a number or a function of time."""
-    body: int = field(static=True, default=0)
-    """Number of the body that encloses the air."""
+    body: int | str = field(static=True, default=0)
+    """Number or name of the body that encloses the air."""
 
     def __check_init__(self):
         h = self.heat_transfer_coefficient
@@ -67,11 +68,11 @@ class InteriorAir(AbstractInteriorAir):
     @property
     @override
     def named_bodies(self) -> tuple[int, ...]:
-        return (self.body,)
+        return (known_number(self.body),)
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
-        covers = inner_covers(surface, self.body, "InteriorAir")
+        covers = inner_covers(surface, known_number(self.body), "InteriorAir")
         if surface.prune and is_zero(self.heat_transfer_coefficient):
             return (Omitted("the heat transfer coefficient is 0"),)
         law = Exchange(

@@ -83,7 +83,7 @@ def ledger_entries(
     omitted = {(number, body) for number, (_, body) in first.omitted}
     names = mechanism_names(scene)
     airs = {
-        (number, term.air)
+        (number, term.air_number)
         for number, term in enumerate(scene.terms)
         if isinstance(term, EnclosedAir)
     }
@@ -290,11 +290,11 @@ class ProgramBuilder:
     def _airs(self) -> tuple[AirExchange, ...]:
         return tuple(
             term.exchanged(
-                self._entry[number, term.air],
+                self._entry[number, term.air_number],
                 walls=tuple(
                     entry
                     for key, entry in self._entry.items()
-                    if key[0] == number and key[1] != term.air
+                    if key[0] == number and key[1] != term.air_number
                 ),
                 dtype=self._dtype,
             )

@@ -11,10 +11,10 @@ from typing_extensions import override
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.voxels.fractions import area_fractions, volume_fractions
+from jaxthermo.voxels.fragment_mask import FragmentMask
 from jaxthermo.voxels.selection import (
     AbstractSpace,
     Everything,
-    FragmentMask,
     Region,
     Side,
 )

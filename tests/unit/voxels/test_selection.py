@@ -5,12 +5,12 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.voxels.elsewhere import Elsewhere
+from jaxthermo.voxels.fragment_mask import FragmentMask
 from jaxthermo.voxels.selection import (
     AbstractSpace,
     Everything,
     Face,
     FragmentCentres,
-    FragmentMask,
     Region,
     Side,
 )
