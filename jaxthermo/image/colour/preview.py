@@ -11,6 +11,7 @@ from ..surface.abstract_camera import AbstractCamera
 from ..surface.facets import smooth_normals
 from ..surface.visible import VisiblePoints, WorldMesh, visible_points
 from .canvas import FAINT, INK, PAPER, Layout, averaged
+from .label_places import label_places
 
 
 # Samples of a pixel along each axis.
@@ -21,6 +22,9 @@ _BODIES = ((206, 200, 188), (150, 184, 208), (208, 168, 136), (164, 196, 152))
 # sRGB of the axes x, y, z, and the shortest arrow that still has a direction [-].
 _AXES = (("x", (236, 96, 84)), ("y", (112, 204, 112)), ("z", (112, 160, 255)))
 _MIN_ARROW = 0.08
+# Length of an arrow, and of the square that all axes lie in, in heights of the text.
+_ARROW_LENGTH = 2.6
+_AXES_SIZE = 5.0
 
 
 def draw_preview(
@@ -94,26 +98,36 @@ def _draw_labels(
     labels: Mapping[int, str],
     layout: Layout,
 ) -> None:
+    texts = [
+        layout.shorten(label, canvas.width - 2 * layout.gap)
+        for label in labels.values()
+    ]
+    areas = []
+    for number in labels:
+        row, column = np.divmod(visible.pixel[visible.body == number], fine.width)
+        areas.append(np.stack([column, row], axis=1) / _SAMPLES)
+    height = fine.height // _SAMPLES
+    # The axes are in the lower left corner.
+    axes = _AXES_SIZE * layout.text
+    places = label_places(
+        areas,
+        half_sizes=[
+            np.array([layout.width(text) / 2 + layout.gap, layout.text / 2])
+            for text in texts
+        ],
+        picture=np.array([[0, 0], [canvas.width, height]], float),
+        taken=np.array([[0, height - axes], [axes, height]], float),
+    )
     draw = ImageDraw.Draw(canvas)
-    for number, label in labels.items():
-        pixel = visible.pixel[visible.body == number]
-        row, column = np.divmod(pixel, fine.width)
-        # On a pixel of the body: the middle of a ring is none.
-        middle = np.array([np.median(row), np.median(column)])
-        away = np.hypot(row - middle[0], column - middle[1])
-        nearest = int(away.argmin())
-        text = layout.shorten(label, canvas.width - 2 * layout.gap)
-        # All of it in the picture, also of a body at the border.
-        margin = layout.width(text) / 2 + layout.gap
-        x = min(max(column[nearest] / _SAMPLES, margin), canvas.width - margin)
-        at = (x, row[nearest] / _SAMPLES)
-        _draw_text(draw, at=at, text=text, ink=INK, layout=layout)
+    for text, place in zip(texts, places, strict=True):
+        if place is not None:
+            _draw_text(draw, at=place, text=text, ink=INK, layout=layout)
 
 
 def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> None:
     # In the lower left corner, seen along the middle ray of the camera.
     draw = ImageDraw.Draw(canvas)
-    length = 2.6 * layout.text
+    length = _ARROW_LENGTH * layout.text
     # World axes x, y, z as rows, in steps to the right, down and away.
     axes = camera.frame.T
     flat = np.hypot(axes[:, 0], axes[:, 1])
