@@ -220,6 +220,8 @@ class PlateExchange(_AbstractShapeExchange):
     @override
     def _largest_coefficient(self, film: FilmFactors, apart: Any) -> Any:
         xp = array_namespace((apart, film, self.per_length))
+        # In the precision of JAX, which a number of the host may exceed.
+        apart = xp.asarray(apart)
         regular = xp.sqrt(apart * apart + REGULARIZATION**2)
         shortest = [
             xp.asarray(values, apart.dtype).max(initial=0.0)
@@ -317,6 +319,8 @@ class SphereExchange(_AbstractShapeExchange):
     @override
     def _largest_coefficient(self, film: FilmFactors, apart: Any) -> Any:
         xp = array_namespace((apart, film, self.per_length))
+        # In the precision of JAX, which a number of the host may exceed.
+        apart = xp.asarray(apart)
         smallest = xp.asarray(self.per_length, apart.dtype).max(initial=0.0)
         return _round(film, apart, smallest)
 

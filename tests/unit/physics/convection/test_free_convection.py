@@ -12,6 +12,7 @@ from wind_bodies import (
     upright_cylinder,
 )
 
+import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.physics.convection.air import (
@@ -135,3 +136,16 @@ def test_a_mistake_is_one_line(arguments):
     with pytest.raises(InputError) as raised:
         FreeConvection(**{"temperature": 300.0, **arguments})
     assert "\n" not in str(raised.value)
+
+
+def test_laws_of_solids_and_sheets_keep_the_precision_of_jax():
+    # Tests have warnings as errors: JAX warns of a float64 that it does not have.
+    grid = jt.voxelize(jt.shapes.box((0.1, 0.1, 0.1)), pitch=0.05)
+    solid = jt.Body(jt.FullVolume(grid), jt.materials["brick"], temperature=300.0)
+    steel = (jt.Layer("steel", 1e-3),)
+    sheet = jt.Sheet(jt.shapes.box((0.1, 0.1, 0.05)), steel, pitch=0.05)
+    apart = jt.Body(sheet, temperature=300.0, pose=jt.Pose((0.3, 0.0, 0.0)))
+    with jax.enable_x64(False):
+        scene = jt.Scene((solid, apart), (jt.FreeConvection(290.0),))
+        receipt = jt.compile_scene(scene, end=600.0, save_times=(600.0,)).receipt
+    assert "free_convection" in receipt.included
