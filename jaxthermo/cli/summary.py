@@ -47,6 +47,8 @@ class _TermResults(TypedDict):
 
     mechanism: str
     bodies: list[int]
+    body_names: list[str]
+    """Empty names for bodies without one."""
     area_m2: float
     volume_m3: float
     mean_heat_rate_W: float | None
@@ -138,10 +140,11 @@ def _terms(solution: Solution | SteadySolution) -> list[_TermResults]:
     balance = _balance(solution)
     # Heat over the time of a run is a rate; that of a steady state is one.
     duration = float(times[-1]) if isinstance(balance, Energy) else 1.0
+    names = solution.receipt.body_names
     rows = []
     for part in solution.receipt.parts:
         if len(part.bodies) == 2:
-            pair = pair_name(part.mechanism, part.bodies, solution.receipt.body_names)
+            pair = pair_name(part.mechanism, part.bodies, names)
             heat = balance.contacts[pair]
         else:
             heat = balance.bodies[part.bodies[0]].mechanisms[part.mechanism]
@@ -150,6 +153,7 @@ def _terms(solution: Solution | SteadySolution) -> list[_TermResults]:
             _TermResults(
                 mechanism=part.mechanism,
                 bodies=list(part.bodies),
+                body_names=[names[number] for number in part.bodies],
                 area_m2=part.area,
                 volume_m3=part.volume,
                 mean_heat_rate_W=total / duration if duration else None,

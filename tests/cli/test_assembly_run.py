@@ -56,6 +56,8 @@ def test_results_have_the_names(cart_run):
     summary = json.loads((out / "summary.json").read_text())
     assert [body["name"] for body in summary["bodies"]] == NAMES[:4]
     assert summary["receipt"]["body_names"] == NAMES[:4]
+    flux = [term for term in summary["terms"] if term["mechanism"] == "heat_flux"]
+    assert [(term["bodies"], term["body_names"]) for term in flux] == [([3], ["roof"])]
     # Both wheels lose what their surfaces lose, the roof gains 100 W/m^2 on two faces.
     left, right, _, roof = summary["bodies"]
     assert left["energy"]["convection_J"] == right["energy"]["convection_J"]
