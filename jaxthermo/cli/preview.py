@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..alike_lines import grouped_lines
 from ..config.camera_framing import build_camera
 from ..config.loader import load_config
 from ..console.results_folder import results_folder
@@ -14,7 +15,7 @@ from ..image.colour.preview import draw_preview
 from ..image.surface.abstract_camera import AbstractCamera
 from ..image.surface.camera import Camera, OrthographicCamera
 from ..image.surface.visible import WorldMesh
-from ..scene.compile.body_names import body_label, grouped_lines
+from ..scene.compile.body_names import body_label
 from .body_lines import MAX_BODIES
 
 

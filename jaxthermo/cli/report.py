@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 
+from ..alike_lines import grouped_lines
 from ..console.terminal import print_line
 from ..constants import ZERO_CELSIUS
 from ..host_memory import readable_bytes
@@ -19,7 +20,7 @@ from ..report.numbers import count, significant
 from ..report.table import Table
 from ..scene.air import bodies_around_air, bodies_with_surface
 from ..scene.body_mass import body_mass
-from ..scene.compile.body_names import body_labels, grouped_lines
+from ..scene.compile.body_names import body_labels
 from ..scene.compile.program import Compiled
 from ..scene.receipt_model import Receipt
 from ..scene.scene import Scene

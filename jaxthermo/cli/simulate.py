@@ -7,6 +7,7 @@ from typing import NamedTuple
 from rich.console import Console
 
 from .. import __version__
+from ..alike_lines import grouped_lines
 from ..arrays import precision
 from ..config.card_file import load_card
 from ..config.loader import config_hash, load_config
@@ -45,7 +46,6 @@ from ..parallel.processes import (
     watching_others,
 )
 from ..scene.air import bodies_with_surface
-from ..scene.compile.body_names import grouped_lines
 from ..scene.compile.on_devices import on_devices
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene, mechanism_names

@@ -3,6 +3,7 @@
 import time
 from pathlib import Path
 
+from ..alike_lines import grouped_lines
 from ..arrays import precision
 from ..config.schema.scene import SceneConfig
 from ..config.types.quantities import TIME, to_si
@@ -13,7 +14,6 @@ from ..integrate.run.solution import RESULTS
 from ..integrate.steady import steady
 from ..parallel.devices import provide_devices
 from ..scene.air import bodies_with_surface
-from ..scene.compile.body_names import grouped_lines
 from ..structures.report import structure_report
 from .frame_outputs import NO_EXTRAS
 from .frames import FrameCamera

@@ -7,6 +7,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ..alike_lines import grouped_lines
+
 
 # Type of an error whose message is already one of this package.
 MISTAKE = "mistake"
@@ -71,6 +73,8 @@ def explain(error: Mapping[str, Any]) -> str:
         choices = context["expected_tags"].translate(str.maketrans("", "", "<>'"))
         tag = context["tag"].strip("<>")
         return f"unknown kind '{tag[:60]}'{close_match(tag, choices.split(', '))}"
+    if error_type == "string_too_short":
+        return "must not be empty"
     return error["msg"]
 
 
@@ -82,15 +86,17 @@ def _untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
 def described(
     error: ValidationError, source: Callable[[tuple[str | int, ...]], str]
 ) -> str:
-    """A line for each mistake of a config.
+    """A line for each mistake of a config, and one for many that are alike.
 
     Args:
         error: raised by a config model.
         source: start of the line of a mistake at a location.
     """
     return "\n".join(
-        f"{source(_untagged(mistake['loc']))}: {mistake['msg']}"
-        for mistake in error.errors(include_url=False)
+        grouped_lines(
+            f"{source(_untagged(mistake['loc']))}: {mistake['msg']}"
+            for mistake in error.errors(include_url=False)
+        )
     )
 
 

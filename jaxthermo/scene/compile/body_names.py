@@ -19,8 +19,6 @@ _MENTIONS = (
     re.compile(r"\bbodies (?P<number>\d+)(?= and \d)"),
     re.compile(r"\bbodies \d+(?: \([^()]*\))? and (?P<number>\d+)\b(?! \()"),
 )
-_NAME = re.compile(r"(?<=[\d\]]) \([^()]*\)")
-_NUMBER = re.compile(r"\d[\d.,]*(?:e[+-]?\d+)?")
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
@@ -88,22 +86,3 @@ def naming_bodies(
             raise InputError(line) from error
 
     return with_named_errors
-
-
-_MAX_ALIKE = 4
-"""Number of lines that differ only in bodies and numbers, up to which all are told."""
-
-
-def grouped_lines(lines: Iterable[str]) -> list[str]:
-    """Lines with one line for many that differ only in bodies and numbers."""
-    alike: dict[str, list[str]] = {}
-    for line in lines:
-        plain = _NUMBER.sub("#", _NAME.sub("", line))
-        alike.setdefault(plain, []).append(line)
-    grouped = []
-    for same in alike.values():
-        if len(same) <= _MAX_ALIKE:
-            grouped += same
-        else:
-            grouped.append(f"{same[0]} - and {len(same) - 1:,} more like it")
-    return grouped

@@ -141,6 +141,14 @@ REST = "{match: '*', ignore: true}"
             "wheel_right, wheel_small, roof, decal",
         ),
         (
+            {"rules": ("{match: [], material: copper}", REST)},
+            "assembly.parts.0.match: must not be empty",
+        ),
+        (
+            {"rules": ("{match: '', material: copper}", REST)},
+            "assembly.parts.0.match.0: must not be empty",
+        ),
+        (
             {"rules": (WHEELS, ROOF)},
             "assembly.parts: no rule is for decal: give one, or '*' for all others",
         ),

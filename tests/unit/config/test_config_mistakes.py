@@ -167,6 +167,16 @@ def test_seven_mistakes_are_seven_lines(lines):
     assert all(line.startswith("F: ") for line in mistakes)
 
 
+def test_one_mistake_in_many_bodies_is_one_line(lines):
+    data = good()
+    body = {**data["bodies"][0], "pich": "5 mm"}
+    data["bodies"] = [body] * 200
+    told = lines(data)
+    assert told == [
+        "F: bodies.0.pich: unknown key; did you mean 'pitch'? - and 199 more like it"
+    ]
+
+
 def test_frames_are_checked_while_other_parts_are_wrong(lines):
     data = good() | {"image": {"frames": [1], "palette": "none"}}
     assert len(lines(data)) == 2

@@ -9,6 +9,7 @@ import pytest
 
 import jaxthermo as jt
 from calibrate.problem.parameters import find_path
+from jaxthermo.alike_lines import grouped_lines
 from jaxthermo.cli.body_lines import ReceiptRow, body_lines, summed
 from jaxthermo.cli.summary import write_energy
 from jaxthermo.errors import InputError
@@ -16,7 +17,6 @@ from jaxthermo.image.files.exr import read_exr
 from jaxthermo.integrate.ledger import pair_name
 from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.scene.compile.body_names import (
-    grouped_lines,
     named_receipt,
     naming_bodies,
 )
@@ -152,6 +152,8 @@ def test_many_lines_that_differ_in_bodies_are_one():
     lines = [f"body {n} (part {n}) is off by {n + 0.5} %" for n in range(200)]
     assert grouped_lines(lines) == [f"{lines[0]} - and 199 more like it"]
     assert grouped_lines(lines[:3]) == lines[:3]
+    sections = [f"body {n} has a section across {'xyz'[n % 3]}" for n in range(6)]
+    assert grouped_lines(sections) == [f"{sections[0]} - and 5 more like it"]
 
 
 def test_200_bodies_are_few_lines():

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import jaxthermo as jt
+from jaxthermo.alike_lines import grouped_lines
 from jaxthermo.errors import InputError
-from jaxthermo.scene.compile.body_names import grouped_lines
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.sheet_bodies import plate
 
