@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..alike_lines import grouped_lines
 from ..arrays import stop_gradient
 from ..errors import InputError, require
 from ..network.network import inverse
@@ -125,7 +126,7 @@ def steady(
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")
     with scene.precision:
         solution = steady_solution(static_scene(scene, at), at or 0.0, tolerance)
-    for warning in solution.receipt.warnings:
+    for warning in grouped_lines(solution.receipt.warnings):
         warnings.warn(warning, stacklevel=2)
     return finished(solution, throw)
 

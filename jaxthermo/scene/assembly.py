@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..choices import Inside
-from ..errors import InputError, require
+from ..errors import InputError, require, shortened
 from ..geometry.equal_parts import placed_parts
 from ..geometry.mesh import Mesh
 from ..geometry.part_names import assign_rules, short_names
@@ -41,6 +41,20 @@ class Rule:
     """Radiative properties of parts of the surface, later ones on top."""
     inside: Inside = "closed"
     """With "open", air, sun and surroundings act in closed cavities as well."""
+
+    def __post_init__(self):
+        is_listed = isinstance(self.match, str | list | tuple)
+        patterns = self.patterns if is_listed else ()
+        if not patterns or not all(isinstance(pattern, str) for pattern in patterns):
+            raise InputError(
+                f"Rule(match={shortened(self.match)}): give a pattern of names, or "
+                "several"
+            )
+        if self.structure is not None and not callable(self.structure):
+            raise InputError(
+                f"Rule(structure={shortened(self.structure)}): give a function from a "
+                "mesh to its structure, or None to leave these parts out"
+            )
 
     @property
     def patterns(self) -> tuple[str, ...]:
@@ -80,6 +94,12 @@ def assembly(
         >>> right.name, right.pose.translation, left.structure is right.structure
         ('right', (0.1, 0.0, 0.0), True)
     """
+    meshes = "meshes by their names, as of load_parts(path)"
+    require(parts, classes=Mapping, argument="assembly(parts=)", give=meshes)
+    if not parts:
+        raise InputError(f"assembly(parts={parts!r}): give {meshes}")
+    listed = 'rules, as in [Rule("*", structure)]'
+    require(rules, classes=(list, tuple), argument="assembly(rules=)", give=listed)
     for number, rule in enumerate(rules):
         give = 'a rule, as in (Rule("*", structure),)'
         require(rule, classes=Rule, argument=f"assembly(rules[{number}]=)", give=give)

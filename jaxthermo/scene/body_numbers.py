@@ -6,6 +6,8 @@ from functools import reduce
 from operator import is_, or_
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError
 from ..geometry.part_names import matching_parts, unmatched_name
 from ..physics.term import AbstractTerm
@@ -59,6 +61,10 @@ def check_numbers(terms: Sequence[AbstractTerm], count: int) -> None:
     """Raise for a term on a body that is none of a number of them."""
     for number, term in enumerate(terms):
         for body in term.named_bodies:
+            if not isinstance(body, int | np.integer):
+                raise InputError(
+                    f"terms[{number}] is on body {body!r}: give a number or a name"
+                )
             if not 0 <= body < count:
                 raise InputError(
                     f"terms[{number}] is on body {body}, and there are {count}: count "

@@ -46,6 +46,12 @@ def joints(
         >>> contact.bodies
         ((0,), (1,))
     """
+    for pair in pairs or ():
+        if not isinstance(pair, tuple) or len(pair) != 2:
+            raise InputError(
+                f"joints(pairs=): {pair!r} is no pair: give two patterns of names, as "
+                'in {("roof", "rear"): 500.0}'
+            )
     names = [body.name for body in bodies]
     rules: list[tuple[Groups | None, TimeVarying]] = [
         ((_numbers_of(first, names), _numbers_of(second, names)), conductance)

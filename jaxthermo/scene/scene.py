@@ -195,8 +195,9 @@ class Body(Module):
             raise InputError(f"Body(inside={self.inside!r}): give 'closed' or 'open'")
         if callable(self.temperature) or is_traced(self.temperature):
             return
+        is_text = isinstance(self.temperature, str)
         try:
-            kelvin = float(self.temperature)
+            kelvin = np.nan if is_text else float(self.temperature)
         except (TypeError, ValueError):
             kelvin = np.nan
         if not np.isfinite(kelvin) or kelvin < 0:

@@ -56,6 +56,35 @@ MISTAKES = {
         lambda g: jt.Scene((body(g),), jt.Convection(1.0, 300.0)),
         "a tuple, each a term",
     ),
+    "the kind of a pair": (
+        lambda g: jt.Contact(1.0, bodies="roof"),
+        "give two, as in bodies=(0, 1)",
+    ),
+    "one body of a pair": (lambda g: jt.Seam(1.0, bodies=(0,)), "give two, as in"),
+    "half a body": (
+        lambda g: jt.Scene((body(g),), (jt.HeatFlux(1.0, on=jt.Everything(0.5)),)),
+        "terms[0] is on body 0.5: give a number or a name",
+    ),
+    "a text as a temperature": (lambda g: body(g, temperature="300"), "give kelvin"),
+    "no function in a rule": (lambda g: jt.Rule("*", 3), "give a function from a mesh"),
+    "a rule without a name": (lambda g: jt.Rule([], len), "give a pattern of names"),
+    "a number as a name": (lambda g: jt.Rule(3, len), "give a pattern of names"),
+    "a lone rule": (
+        lambda g: jt.assembly({"a": g.mesh}, jt.Rule("*"), temperature=300.0),
+        'give rules, as in [Rule("*", structure)]',
+    ),
+    "meshes without names": (
+        lambda g: jt.assembly([g.mesh], [jt.Rule("*")], temperature=300.0),
+        "give meshes by their names",
+    ),
+    "no parts": (
+        lambda g: jt.assembly({}, [jt.Rule("*")], temperature=300.0),
+        "give meshes by their names",
+    ),
+    "no pair of a joint": (
+        lambda g: jt.joints((body(g),), {"roof": 1.0}),
+        "'roof' is no pair: give two patterns of names",
+    ),
     "a class of term": (lambda g: jt.Scene((body(g),), (jt.Sun,)), "Scene(terms[0]=S"),
     "a class as a selection": (
         lambda g: jt.Scene((body(g),), (jt.HeatFlux(1.0, on=jt.Side),)),

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ...alike_lines import grouped_lines
 from ...errors import InputError, require
 from ...scene.compile.traced_scene import changed_constants
 from ...scene.scene import Body, Scene
@@ -72,7 +73,7 @@ class CompiledSimulation:
                     plan = plan._replace(compiled=with_note(plan.compiled, line))
         with plan.scene.precision:
             solution = run_plan(plan)
-        for warning in solution.run.warnings:
+        for warning in grouped_lines(solution.run.warnings):
             warnings.warn(warning, stacklevel=2)
         return finished(solution, throw)
 
@@ -121,7 +122,7 @@ def compile_simulation(
     plan = _planned(
         scene, t1=t1, save_at=saves, solver=solver, reverse_memory=reverse_memory
     )
-    for warning in plan.compiled.receipt.warnings:
+    for warning in grouped_lines(plan.compiled.receipt.warnings):
         warnings.warn(warning, stacklevel=2)
     with scene.precision:
         compile_plan(plan)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import jax
 
+from ...alike_lines import grouped_lines
 from ...errors import require
 from ...progress import Progress
 from ...scene.compile.on_devices import on_devices
@@ -107,13 +108,13 @@ def simulate(
             reverse_memory=reverse_memory,
             control_error=True,
         )
-        for warning in plan.compiled.receipt.warnings:
+        for warning in grouped_lines(plan.compiled.receipt.warnings):
             warnings.warn(warning, stacklevel=2)
         if progress is None or scene.is_traced:
             solution = run_plan(plan)
         else:
             solution = _run_shown(plan, progress)
-    for warning in solution.run.warnings:
+    for warning in grouped_lines(solution.run.warnings):
         warnings.warn(warning, stacklevel=2)
     return finished(solution, throw)
 

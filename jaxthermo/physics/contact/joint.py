@@ -46,7 +46,13 @@ class AbstractJoint(AbstractPairTerm):
                 raise InputError(
                     f"{name}({argument}={length!r}): give a positive length"
                 )
-        if self.bodies is None or any(map(_has_names, self.bodies)):
+        if self.bodies is None:
+            return
+        if not isinstance(self.bodies, tuple) or len(self.bodies) != 2:
+            raise InputError(
+                f"{name}(bodies={self.bodies!r}): give two, as in bodies=(0, 1)"
+            )
+        if any(map(_has_names, self.bodies)):
             return
         first, second = self.groups
         is_pair = first and second and len({*first, *second}) > 1
