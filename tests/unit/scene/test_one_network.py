@@ -12,7 +12,7 @@ import jaxthermo as jt
 from jaxthermo.choices import Dtype
 from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import plan_run
-from jaxthermo.integrate.run.segments import begin_run, run_segments
+from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
 from jaxthermo.integrate.run.simulate import first_loop, take_steps
 from jaxthermo.integrate.stepper import in_place
 from jaxthermo.memo.found import forget_findings
@@ -395,3 +395,35 @@ def test_a_checkpoint_holds_each_body_by_itself(tmp_path, apart):
     stored = plan.compiled.program.stored_heat(progress.state.theta)
     assert len(progress.state.theta) < 5
     np.testing.assert_allclose(apart(stored_apart), stored, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "rel"),
+    [("float32", 1e-6), pytest.param("float64", 1e-12, marks=pytest.mark.slow)],
+)
+@SHALLOW
+def test_a_run_goes_on_from_a_checkpoint_as_bodies_apart(tmp_path, apart, dtype, rel):
+    file = tmp_path / "checkpoint.npz"
+
+    def planned():
+        scene = jt.Scene(unlike_bodies(5), TERMS, dtype=dtype)
+        return plan_run(scene, 8.0, [4.0, 8.0], EULER)
+
+    def end(plan, progress):
+        *_, last = run_segments(plan, progress)
+        return finish_run(plan, last)
+
+    plan = planned()
+    straight = end(plan, begin_run(plan))
+    middle = next(iter(run_segments(plan, begin_run(plan))))
+    assert middle.interval < 2
+    save_checkpoint(file, plan, middle, "key")
+
+    def resumed():
+        separate = planned()
+        loaded = load_checkpoint(file, separate, begin_run(separate), "key")
+        assert loaded is not None
+        return end(separate, loaded)
+
+    assert_equal_runs(resumed(), straight, rel)
+    assert_equal_runs(apart(resumed), straight, rel)
