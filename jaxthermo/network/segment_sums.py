@@ -18,7 +18,10 @@ _BLOCK = 64
 
 
 class SegmentSums(Module):
-    """Sums of the segments of an array; a sum is as exact as that of `precise_sum`."""
+    """Sums of the segments of an array; a sum is as exact as that of `precise_sum`.
+
+    The largest values of the segments follow in the same way.
+    """
 
     levels: tuple[Int[Array, "r k"], ...]
     """Indices of the values of each block; one past the last value for none."""
@@ -26,11 +29,22 @@ class SegmentSums(Module):
     def __call__(self, values: Float[Array, " n"]) -> Float[Array, " b"]:
         """Return the sum of each segment."""
         for blocks in self.levels:
-            gathered = values.at[blocks].get(
-                mode="fill", fill_value=0, wrap_negative_indices=False
-            )
-            values = gathered.sum(axis=1)
+            values = _gathered(values, blocks, 0.0).sum(axis=1)
         return values
+
+    def largest(self, values: Float[Array, " n"]) -> Float[Array, " b"]:
+        """Return the largest value of each segment; -inf for one without any."""
+        for blocks in self.levels:
+            values = _gathered(values, blocks, -np.inf).max(axis=1)
+        return values
+
+
+def _gathered(
+    values: Float[Array, " n"], blocks: Int[Array, "r k"], fill: float
+) -> Float[Array, "r k"]:
+    return values.at[blocks].get(
+        mode="fill", fill_value=fill, wrap_negative_indices=False
+    )
 
 
 def segment_sums(segments: Sequence[slice], count: int) -> SegmentSums:

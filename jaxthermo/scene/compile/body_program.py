@@ -59,6 +59,8 @@ class Members(Module):
     """Index of the body of each fragment in the group."""
     sums: SegmentSums
     """Sums over the nodes of each body."""
+    fragment_sums: SegmentSums
+    """Sums over the fragments of each body."""
 
 
 class BodyProgram(Module):
@@ -144,17 +146,24 @@ class BodyProgram(Module):
         """
         if self.members is None:
             return values.max(initial=0)[None]
-        member = self.members.of_node
-        if address is not None:
-            member = taken(member, address)
+        if address is None:
+            return jnp.maximum(self.members.sums.largest(values), 0)
+        member = taken(self.members.of_node, address)
         largest = jax.ops.segment_max(values, member, len(self.numbers))
         return jnp.maximum(largest, 0)
+
+    def largest_of_surface_nodes(
+        self, values: Float[Array, " m"]
+    ) -> Float[Array, " b"]:
+        """Largest value among the nodes of each body that have surface, at least 0."""
+        # By their fragments, which have the order of the bodies.
+        return jnp.maximum(self.largest_of_fragments(taken(values, self.node)), 0)
 
     def largest_of_fragments(self, values: Float[Array, " s"]) -> Float[Array, " b"]:
         """Largest value at the fragments of each body; -inf for one without any."""
         if self.members is None:
             return values.max(initial=-jnp.inf)[None]
-        return jax.ops.segment_max(values, self.members.of_fragment, len(self.numbers))
+        return self.members.fragment_sums.largest(values)
 
     def below(
         self, theta: Float[Array, "..."]

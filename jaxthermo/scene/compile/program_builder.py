@@ -13,7 +13,7 @@ from ...arrays import consecutive, device_array, typed_array
 from ...memo.once import once
 from ...network.group_order import GroupOrder
 from ...network.network import Address
-from ...network.segment_sums import sums_of_lists
+from ...network.segment_sums import segment_sums, sums_of_lists
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import Joint
 from ...physics.convection.enclosed_air import AirExchange, EnclosedAir
@@ -479,6 +479,7 @@ def _members_of(group: BodyGroup) -> Members:
         of_node=device_array(group.member_of_node),
         of_fragment=device_array(group.member_of_fragment),
         sums=sums_of_lists(group.nodes, group.structure.node_count),
+        fragment_sums=segment_sums(group.fragments, len(group.member_of_fragment)),
     )
 
 

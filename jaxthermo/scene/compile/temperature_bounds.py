@@ -223,10 +223,10 @@ def _imposed_heat(program: Program, end: float, sign: Scalar) -> _ImposedHeat:
         capacity = network.capacity_at(body.address) * smallest
         for number, energy in energies.items():
             rise = _sums(body, energy[index]) / capacity
-            rise = body.largest_of_nodes(rise, body.address)
+            rise = body.largest_of_surface_nodes(rise)
             rises.setdefault(number, {})[index] = rise
         rate = _sums(body, totals[index]) / capacity
-        largest_rate = body.largest_of_nodes(rate, body.address)
+        largest_rate = body.largest_of_surface_nodes(rate)
         largest_source_rate = jnp.zeros_like(largest_rate)
         if body.sources:
             from_sources = jnp.zeros_like(network.diagonal())

@@ -39,3 +39,12 @@ def test_the_gradient_is_one():
     sums = sums_of_sizes((70, 3))
     slope = jax.grad(lambda values: sums(values)[0])(jnp.ones(73))
     assert np.asarray(slope).tolist() == [1.0] * 70 + [0.0] * 3
+
+
+@pytest.mark.parametrize("sizes", [(1,), (5, 64, 1, 65), (0, 3, 0), (5000, 2, 64 * 64)])
+def test_each_segment_has_its_largest_value(sizes):
+    values = np.random.default_rng(0).normal(size=sum(sizes)) - 2
+    parts = np.split(values, np.cumsum(sizes)[:-1])
+    expected = [part.max(initial=-np.inf) for part in parts]
+    largest = sums_of_sizes(sizes).largest(jnp.asarray(values))
+    assert np.asarray(largest).tolist() == expected
