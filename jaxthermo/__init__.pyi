@@ -146,17 +146,16 @@ from .reduction.reduced_model import (
 )
 from .report.frame_sheet import frame_sheet as frame_sheet
 from .scene.assembly import Rule as Rule, assembly as assembly
+from .scene.body_materials import (
+    MaterialLabels as MaterialLabels,
+    MaterialMap as MaterialMap,
+)
 from .scene.coating import Coating as Coating
 from .scene.compile.compile import compile_scene as compile_scene
 from .scene.joints import joints as joints
 from .scene.motion import Motion as Motion, PoseTable as PoseTable
 from .scene.part_materials import materials_by_part as materials_by_part
-from .scene.scene import (
-    Body as Body,
-    MaterialLabels as MaterialLabels,
-    MaterialMap as MaterialMap,
-    Scene as Scene,
-)
+from .scene.scene import Body as Body, Scene as Scene
 from .structures.kinds.aggregate import Aggregate as Aggregate
 from .structures.kinds.air import AirVolume as AirVolume
 from .structures.kinds.full import FullVolume as FullVolume

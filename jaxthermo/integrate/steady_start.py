@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from ..errors import InputError, require
 from ..physics.flux_law import Values
-from ..scene.scene import AbstractMaterials, Body, Scene
+from ..scene.body_materials import AbstractMaterials
+from ..scene.scene import Body, Scene
 from ..structures.kinds.air import AirVolume
 from ..structures.kinds.sheet import Sheet
 from .run.solution import SteadySolution, finished

@@ -11,8 +11,9 @@ from ..geometry.part_names import assign_rules, short_names
 from ..material.material import Material
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
+from .body_materials import AbstractMaterials
 from .coating import Coating
-from .scene import AbstractMaterials, Body
+from .scene import Body
 
 
 @dataclass(frozen=True)

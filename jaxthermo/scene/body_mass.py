@@ -6,7 +6,8 @@ from ..material.air import body_of_air
 from ..structures.kinds.air import AirVolume
 from ..structures.kinds.sheet import Sheet
 from ..structures.volumes import node_volumes
-from .scene import AbstractMaterials, Body
+from .body_materials import AbstractMaterials
+from .scene import Body
 
 
 def body_mass(body: Body) -> float:

@@ -7,7 +7,7 @@ from ..geometry.part_names import pattern_of_parts
 from ..material.material import Material
 from ..voxels.grid import VoxelGrid
 from ..voxels.parts import part_labels
-from .scene import MaterialLabels
+from .body_materials import MaterialLabels
 
 
 def materials_by_part(

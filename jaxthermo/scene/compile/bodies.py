@@ -34,7 +34,8 @@ from ...structures.kinds.full import FullVolume
 from ...structures.kinds.sheet import Sheet
 from ...structures.structure import AbstractStructure
 from ...voxels.sharded_lattice import padded_places
-from ..scene import AbstractMaterials, Body, Scene
+from ..body_materials import AbstractMaterials
+from ..scene import Body, Scene
 from .groups import BodyGroup, fragment_order
 
 

@@ -25,7 +25,8 @@ from ...structures.kinds.full import FullVolume
 from ...structures.kinds.sheet import Sheet
 from ...structures.structure import AbstractStructure, AbstractVoxelStructure
 from ...structures.weights import ConductionWeights
-from ..scene import AbstractMaterials, Body, Scene
+from ..body_materials import AbstractMaterials
+from ..scene import Body, Scene
 
 
 _LEAST_BODIES = 4

@@ -19,8 +19,9 @@ from ...parallel.devices import require_device_memory
 from ...sheets.sheet_grid import SheetGrid
 from ...structures.kinds.full import FullVolume
 from ...structures.structure import AbstractStructure
+from ..body_materials import AbstractMaterials
 from ..motion import Motion
-from ..scene import AbstractMaterials, Body, Scene
+from ..scene import Body, Scene
 from .groups import as_links, grouped_numbers
 from .program import Compiled
 

@@ -38,7 +38,8 @@ from ...physics.time_varying import just_before
 from ...structures.kinds.sheet import Sheet
 from ...structures.kinds.skin import Skin
 from ...structures.structure import AbstractStructure
-from ..scene import AbstractMaterials, Scene
+from ..body_materials import AbstractMaterials
+from ..scene import Scene
 from .program import Compiled, Program
 
 

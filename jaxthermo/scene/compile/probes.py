@@ -36,8 +36,9 @@ from ...structures.surface_map import Range, gradient_rows
 from ...voxels.abstract_grid import AbstractGrid
 from ...voxels.grid import VoxelGrid
 from ..air import bodies_around_air, bodies_with_surface
+from ..body_materials import AbstractMaterials
 from ..named import Probe
-from ..scene import AbstractMaterials, Body, Scene
+from ..scene import Body, Scene
 from .bodies import PreparedGroup
 
 

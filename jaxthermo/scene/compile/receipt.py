@@ -21,9 +21,10 @@ from ...structures.kinds.shell import SingleShell
 from ...structures.structure import AbstractStructure
 from ..air import bodies_around_air, bodies_with_surface
 from ..body_mass import body_mass
+from ..body_materials import AbstractMaterials
 from ..motion import Motion
 from ..receipt_model import Omission, Part, Receipt
-from ..scene import AbstractMaterials, Body, Scene, mechanism_names
+from ..scene import Body, Scene, mechanism_names
 from .program_builder import Ledger, Volumes
 from .snapshots import Snapshot
 

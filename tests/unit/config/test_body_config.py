@@ -10,8 +10,8 @@ from jaxthermo.config.loader import config_hash, load_config, to_yaml
 from jaxthermo.config.schema.body import _MotionConfig
 from jaxthermo.errors import InputError
 from jaxthermo.material.material import Material, Property
+from jaxthermo.scene.body_materials import MaterialLabels
 from jaxthermo.scene.motion import Motion
-from jaxthermo.scene.scene import MaterialLabels
 
 
 SCENE = """

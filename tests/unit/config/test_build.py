@@ -22,7 +22,7 @@ from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.physics.time_varying import Table, Until
-from jaxthermo.scene.scene import MaterialMap
+from jaxthermo.scene.body_materials import MaterialMap
 from jaxthermo.voxels.selection import FragmentCentres, Region, Side
 
 

@@ -13,9 +13,9 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
+from jaxthermo.scene.body_materials import MaterialLabels, MaterialMap
 from jaxthermo.scene.compile.compile import _bind
 from jaxthermo.scene.compile.traced_scene import separate_numbers, trace_scene
-from jaxthermo.scene.scene import MaterialLabels, MaterialMap
 
 
 COPPER = jt.Material(390.0, density=8900.0, specific_heat=385.0, emissivity=0.2)
