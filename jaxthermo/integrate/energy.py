@@ -1,12 +1,14 @@
 """Energies of a run at its saved times."""
 
-from equinox import Module
+from typing import NamedTuple
+
+import equinox as eqx
 from jaxtyping import Float
 
 from ..physics.flux_law import Values
 
 
-class Energy(Module):
+class Energy(NamedTuple):
     """Energies of all bodies, or of one, at the saved times, since the start [J]."""
 
     stored_J: Float[Values, " t"]
@@ -22,8 +24,12 @@ class Energy(Module):
     """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction; of one
     body, contacts count with the mechanisms."""
 
+    def __repr__(self) -> str:
+        # Arrays by their shapes, as within a solution.
+        return eqx.tree_pformat(self)
 
-class HeatRates(Module):
+
+class HeatRates(NamedTuple):
     """Heat rates of all bodies, or of one, in a steady state [W]."""
 
     mechanisms: dict[str, Float[Values, ""]]
@@ -35,3 +41,7 @@ class HeatRates(Module):
     """Heat rates of each body; empty within one body."""
     residual_relative: Float[Values, ""]
     """Net heat rate over the sum of magnitudes, 0 in a steady state."""
+
+    def __repr__(self) -> str:
+        # Arrays by their shapes, as within a solution.
+        return eqx.tree_pformat(self)

@@ -3,7 +3,7 @@
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -271,6 +271,7 @@ def mechanism_names(scene: Scene) -> tuple[str, ...]:
     return tuple(names)
 
 
+@jax.tree_util.register_static
 @dataclass(frozen=True, eq=False)
 class BodyGeometry:
     """Shape and fragments in the body's own frame [m], and its pose."""
@@ -354,14 +355,18 @@ def body_geometry(
     )
 
 
-class SolvedSurface(Module):
+class SolvedSurface(NamedTuple):
     """A body's geometry with the radiative properties of its surface."""
 
-    geometry: BodyGeometry = eqx.field(static=True)
+    geometry: BodyGeometry
     emissivity: Float[Any, "*#s"]
     """One number for one material [-]."""
     absorptivity: Float[Any, "*#s"]
     """One number for one material [-]."""
+
+    def __repr__(self) -> str:
+        # Arrays by their shapes, as within a solution.
+        return eqx.tree_pformat(self)
 
     @property
     def moves(self) -> bool:
@@ -373,8 +378,8 @@ class SolvedSurface(Module):
         """The surface at the pose of a moment [s]; itself if it does not move."""
         if not self.moves:
             return self
-        geometry = replace(self.geometry, pose=self.geometry.pose.at(time))
-        return SolvedSurface(geometry, self.emissivity, self.absorptivity)
+        pose = self.geometry.pose.at(time)
+        return self._replace(geometry=replace(self.geometry, pose=pose))
 
 
 def per_fragment(
