@@ -9,9 +9,8 @@ from .scene import Body, Scene
 
 def bodies_with_surface(scene: Scene) -> tuple[Body, ...]:
     """The bodies that have a surface, whose numbers are the first ones."""
-    return tuple(
-        body for body in scene.bodies if not isinstance(body.structure, AirVolume)
-    )
+    pairs = zip(scene.bodies, scene.structures, strict=True)
+    return tuple(body for body, s in pairs if not isinstance(s, AirVolume))
 
 
 def bodies_around_air(scene: Scene) -> dict[int, int]:
@@ -38,7 +37,7 @@ def check_airs(scene: Scene) -> None:
             )
         enclosed[body] = number
         for air in airs:
-            if not isinstance(scene.bodies[air].structure, AirVolume):
+            if not isinstance(scene.structures[air], AirVolume):
                 raise InputError(
                     f"terms[{number}]: EnclosedAir(air={air}): body {air} is no "
                     "AirVolume: name the body of air"
@@ -49,8 +48,8 @@ def check_airs(scene: Scene) -> None:
                     f"{air_terms[air]}]: give each its own AirVolume"
                 )
             air_terms[air] = number
-    for number, body in enumerate(scene.bodies):
-        if not isinstance(body.structure, AirVolume):
+    for number, structure in enumerate(scene.structures):
+        if not isinstance(structure, AirVolume):
             continue
         if number < count:
             raise InputError(

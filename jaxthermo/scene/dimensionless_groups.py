@@ -57,7 +57,7 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
         material=material,
         kelvin=kelvin,
         end=end,
-        structures=tuple(body.structure for body in scene.bodies),
+        structures=scene.structures,
     )
     scales = [term.scale(point) for term in scene.terms]
     flux = sum(

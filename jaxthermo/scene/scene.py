@@ -211,14 +211,25 @@ class Scene(Module):
         return html_of(self)
 
     @cached_property
-    def leaves(self) -> list[Any]:
-        """Its numbers, arrays and functions, as a pytree has them."""
-        return jax.tree.leaves(self)
+    def structures(self) -> tuple[AbstractStructure, ...]:
+        """Structure of each body, which scenes of other numbers share."""
+        return tuple(body.structure for body in self.bodies)
+
+    @cached_property
+    def device_count(self) -> int:
+        """Number of devices that its bodies are spread over."""
+        return max(structure.device_count for structure in self.structures)
+
+    @cached_property
+    def flattened(self) -> tuple[list[Any], Any]:
+        """Its leaves, each structure as one of them, and its outline without these."""
+        ids = set(map(id, self.structures))
+        return jax.tree.flatten(self, is_leaf=lambda node: id(node) in ids)
 
     @cached_property
     def is_traced(self) -> bool:
         """True if any of its values is being differentiated, mapped or compiled."""
-        return is_traced(self.leaves)
+        return is_traced(self.flattened[0])
 
     @property
     def precision(self) -> AbstractContextManager:

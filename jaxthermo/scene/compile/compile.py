@@ -191,8 +191,6 @@ def _bound(
 
 def _needs_numbers(scene: Scene) -> bool:
     """True if the numbers of a scene must be known where it is bound."""
-    # Devices place known arrays.
-    is_spread = any(body.structure.device_count > 1 for body in scene.bodies)
     # Values of a function of positions are checked.
     has_numbers_within = any(
         callable(body.temperature) and not jax.tree_util.all_leaves([body.temperature])
@@ -201,6 +199,8 @@ def _needs_numbers(scene: Scene) -> bool:
     # Without 64 bits, tracing would round to 32 bits what the host need not.
     is_rounded = scene.dtype == "float64" and jnp.result_type(float) != jnp.float64
     chooses_laws = any(term.chooses_law for term in scene.terms)
+    # Devices place known arrays.
+    is_spread = scene.device_count > 1
     return is_spread or has_numbers_within or is_rounded or chooses_laws
 
 

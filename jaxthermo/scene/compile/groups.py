@@ -230,12 +230,16 @@ def _body_forms(scene: Scene) -> tuple[Hashable | None, ...]:
     """The same value for bodies that may be joined; None for one by itself."""
 
     def find() -> tuple[Hashable | None, ...]:
-        # Equal bodies share their structure and their material.
-        structure_form = once(_structure_form)
+        structure_forms = found(
+            scene.structures,
+            by="forms of structures",
+            find=lambda: tuple(map(once(_structure_form), scene.structures)),
+        )
+        # Many bodies share a material.
         is_varying = once(_is_varying)
         return tuple(
-            None if is_varying(body.material) else structure_form(body.structure)
-            for body in scene.bodies
+            None if is_varying(body.material) else form
+            for body, form in zip(scene.bodies, structure_forms, strict=True)
         )
 
     return found((scene,), by="forms of bodies", find=find)

@@ -16,11 +16,12 @@ from .snapshots import Snapshot
 
 def joint_lines(scene: Scene, parts: Sequence[Part]) -> tuple[str, ...]:
     """A line for each pair of bodies that a joint lets conduct, as at the start."""
-    terms = dict(zip(mechanism_names(scene), scene.terms, strict=True))
+    named = zip(mechanism_names(scene), scene.terms, strict=True)
+    joints = {name: term for name, term in named if isinstance(term, AbstractJoint)}
     lines = []
     for part in parts:
-        term = terms.get(part.mechanism)
-        if not isinstance(term, AbstractJoint):
+        term = joints.get(part.mechanism)
+        if term is None:
             continue
         extent = (
             f"along {part.length:.4g} m"

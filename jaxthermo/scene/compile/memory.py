@@ -14,14 +14,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ...host_memory import require_memory
+from ...material.material import Material
 from ...memo.found import found
+from ...memo.once import once
 from ...parallel.devices import require_device_memory
 from ...sheets.sheet_grid import SheetGrid
 from ...structures.kinds.full import FullVolume
 from ...structures.structure import AbstractStructure
 from ..body_materials import AbstractMaterials
 from ..motion import Motion
-from ..scene import Body, Scene
+from ..scene import Scene
 from .groups import as_links, grouped_numbers
 from .program import Compiled
 
@@ -155,6 +157,16 @@ class _Kind(NamedTuple):
     is_sheet: bool
 
 
+class _BodyKind(NamedTuple):
+    """Properties of a body apart from those of its structure."""
+
+    is_joined: bool
+    moves: bool
+    is_mixed: bool
+    is_varying: bool
+    """True for materials whose links vary, see `has_varying_links`."""
+
+
 def forecast_memory(
     scene: Scene,
     saves: int,
@@ -204,28 +216,47 @@ def _counts_by_kind(
         for number in numbers
         if len(numbers) > 1
     }
-    is_moving = [isinstance(body.pose, Motion) for body in scene.bodies]
-    several_move = sum(is_moving) > 1
+    # Many bodies share a material.
+    is_mixed = once(lambda material: isinstance(material, AbstractMaterials))
+    is_varying = once(has_varying_links)
+    bodies = tuple(
+        _BodyKind(
+            is_joined=number in joined,
+            moves=isinstance(body.pose, Motion),
+            is_mixed=is_mixed(body.material),
+            is_varying=is_varying(body.material),
+        )
+        for number, body in enumerate(scene.bodies)
+    )
+    return found(
+        scene.structures,
+        by=("parts of bodies", bodies),
+        find=lambda: _summed_counts(scene.structures, bodies),
+    )
+
+
+def _summed_counts(
+    structures: tuple[AbstractStructure, ...], bodies: tuple[_BodyKind, ...]
+) -> dict[_Kind, _Parts]:
+    several_move = sum(body.moves for body in bodies) > 1
     grids: set[int] = set()
     counts: dict[_Kind, list[_Parts]] = {}
-    for number, body in enumerate(scene.bodies):
-        structure = body.structure
-        if number in joined:
-            structure = as_links(structure)
-        grid = structure.grid
+    for structure, body in zip(structures, bodies, strict=True):
+        in_group = as_links(structure) if body.is_joined else structure
+        grid = in_group.grid
         body_kind = _Kind(
-            network=_network_of(structure),
-            is_mixed=isinstance(body.material, AbstractMaterials),
-            is_joined=number in joined,
+            network=_network_of(in_group),
+            is_mixed=body.is_mixed,
+            is_joined=body.is_joined,
             is_known=id(grid) in grids,
-            moves=is_moving[number],
-            moves_with_others=is_moving[number] and several_move,
+            moves=body.moves,
+            moves_with_others=body.moves and several_move,
             is_sheet=isinstance(grid, SheetGrid),
         )
         grids.add(id(grid))
-        body_counts = _counts(structure)
-        if has_varying_links(body):
-            body_counts = body_counts._replace(varying_links=structure.link_count)
+        body_counts = _counts(in_group)
+        if body.is_varying:
+            body_counts = body_counts._replace(varying_links=in_group.link_count)
         counts.setdefault(body_kind, []).append(body_counts)
     return {
         body_kind: _Parts(*np.array(listed).sum(axis=0))
@@ -323,8 +354,7 @@ def check_memory(
     remedy = "use a coarser pitch, or save fewer times"
     task = "simulating this scene"
     require_memory(peak, task, remedy)
-    devices = max(body.structure.device_count for body in scene.bodies)
-    require_device_memory(peak // devices, task, remedy)
+    require_device_memory(peak // scene.device_count, task, remedy)
     return peak
 
 
@@ -384,9 +414,8 @@ def _surface_and_links(structure: AbstractStructure) -> tuple[int, int]:
     return count, structure.link_count
 
 
-def has_varying_links(body: Body) -> bool:
+def has_varying_links(material: Material | AbstractMaterials | None) -> bool:
     """True if several materials, or one by axis, vary with temperature."""
-    material = body.material
     if material is None:
         return False
     several = isinstance(material, AbstractMaterials)

@@ -56,7 +56,7 @@ def _on_devices(body: Body, where: str, devices: int) -> Body:
             f"{where}: a FullVolume with weights, stencil=False or kernels of numba "
             f"cannot be spread over devices={devices}; leave these out, or devices"
         )
-    if has_varying_links(body):
+    if has_varying_links(body.material):
         raise InputError(
             f"{where}: several materials, or one by axis, that vary with temperature "
             f"run as links and cannot be spread over devices={devices}; leave it out"

@@ -18,7 +18,7 @@ Source: Carslaw and Jaeger, Conduction of Heat in Solids, 2.7.
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -32,6 +32,7 @@ from scipy.special import erfcx
 from ...arrays import Time, consecutive, device_array, is_compiling, is_traced
 from ...errors import InputError
 from ...material.material import Material
+from ...memo.found import found
 from ...memo.once import once
 from ...network.network import inverse
 from ...physics.time_varying import just_before
@@ -66,6 +67,19 @@ _MIN_LOSS = 1e-3
 
 _MIN_SHARE = 1e-12
 """Smallest excess of a surface over its node, as a share of that without loss [-]."""
+
+
+class _OuterShapes(NamedTuple):
+    """Outermost cells of structures, by fragment."""
+
+    counts: list[int]
+    """Number of fragments of each structure."""
+    area: Float[np.ndarray, " s"]
+    """[m^2]"""
+    thickness: Float[np.ndarray, " s"]
+    """[m]"""
+    capacity: Float[np.ndarray, " s"]
+    """Of sheets, per area [J/(m^2 K)]; of solids, in volumes of material [m]."""
 
 
 class _OuterCells(NamedTuple):
@@ -125,9 +139,12 @@ def penetration_warnings(
     # The last interval ends with the run, not with a change.
     fastest = float(np.diff(edges)[:-1].min(initial=saves[0]))
     program = compiled.program
-    counts = [len(body.structure.grid.fragment_area) for body in scene.bodies]
-    slices = consecutive(counts)
-    cells = _outer_cells(scene, program)
+    shapes = found(
+        scene.structures,
+        by="outer cells",
+        find=lambda: _outer_shapes(scene.structures),
+    )
+    cells = _outer_cells(scene, program, shapes)
     shallow = cells.time > fastest
     if shallow.any():
         shallow &= _largest_drive(compiled, float(saves[-1])) > _MIN_ERROR
@@ -137,7 +154,7 @@ def penetration_warnings(
         compiled,
         edges=_thinned(edges, _MAX_INTERVALS),
         shallow=shallow,
-        slices=slices,
+        slices=consecutive(shapes.counts),
     )
     lines = []
     for number, body_loads in loads.items():
@@ -168,40 +185,54 @@ def _half_cells(program: Program) -> Float[np.ndarray, " s"]:
     return half_cell
 
 
-def _outer_cells(scene: Scene, program: Program) -> _OuterCells:
+def _outer_cells(scene: Scene, program: Program, shapes: _OuterShapes) -> _OuterCells:
     references = {}
     for group in program.bodies:
         mean = float(np.asarray(group.reference).mean())
         references |= dict.fromkeys(group.numbers, mean)
     # Bodies share materials.
     heat_capacities_of = once(_heat_capacities)
-    areas = []
+    heat_capacities = []
+    for number, (body, count) in enumerate(
+        zip(scene.bodies, shapes.counts, strict=True)
+    ):
+        material = body.material
+        # Sheets, and air, which has no surface.
+        if material is None:
+            heat_capacities.append(np.ones(count))
+            continue
+        by_material = heat_capacities_of(material, references[number])
+        if isinstance(material, Material):
+            heat_capacities.append(by_material.repeat(count))
+        else:
+            of_fragments = material.of_fragments(scene.structures[number].voxels)
+            heat_capacities.append(by_material[of_fragments])
+    half_cell = _half_cells(program)
+    heat = 2 * (shapes.capacity * np.concatenate(heat_capacities)) * shapes.area
+    time = np.zeros(len(half_cell))
+    np.divide(heat, half_cell, out=time, where=half_cell > 0)
+    return _OuterCells(thickness=shapes.thickness, time=time)
+
+
+def _outer_shapes(structures: tuple[AbstractStructure, ...]) -> _OuterShapes:
     thicknesses = []
     capacities = []
-    for number, body in enumerate(scene.bodies):
-        structure = body.structure
-        area = structure.grid.fragment_area
-        if not len(area):
-            continue
+    for structure in structures:
         if isinstance(structure, Sheet):
             thickness = structure.face_cell_thickness(float)
             capacity = structure.face_capacity(float)
         else:
             thickness = 2 * structure.fragment_distance
-            # Only sheets have no material of their own, and air, which has no surface.
-            assert body.material is not None
-            by_material = heat_capacities_of(body.material, references[number])
-            if isinstance(body.material, AbstractMaterials):
-                by_material = by_material[body.material.of_fragments(structure.voxels)]
-            capacity = thickness * by_material
-        areas.append(area)
+            capacity = thickness
         thicknesses.append(thickness)
         capacities.append(capacity)
-    half_cell = _half_cells(program)
-    heat = 2 * np.concatenate(capacities) * np.concatenate(areas)
-    time = np.zeros(len(half_cell))
-    np.divide(heat, half_cell, out=time, where=half_cell > 0)
-    return _OuterCells(thickness=np.concatenate(thicknesses), time=time)
+    areas = [structure.grid.fragment_area for structure in structures]
+    return _OuterShapes(
+        counts=list(map(len, areas)),
+        area=np.concatenate(areas),
+        thickness=np.concatenate(thicknesses),
+        capacity=np.concatenate(capacities),
+    )
 
 
 def _heat_capacities(
@@ -271,10 +302,8 @@ def _strongest_loads(
     starts = edges[:-1].tolist()
     ends = [float(just_before(end, dtype)) for end in edges[1:].tolist()]
 
-    none = np.zeros(len(shallow))
-
     def drives(
-        start: float, time: float, above: Float[np.ndarray, " s"] = none
+        start: float, time: float, above: Float[np.ndarray, " s"]
     ) -> Float[np.ndarray, " s"]:
         drive = _drive(
             programs[compiled.number_at(start)],
@@ -284,9 +313,14 @@ def _strongest_loads(
         )
         return np.asarray(drive, float)
 
+    # Those of few intervals; all times of many would take much memory.
+    @lru_cache(maxsize=4)
+    def drives_of_nodes(start: float, time: float) -> Float[np.ndarray, " s"]:
+        return drives(start, time, np.zeros(len(shallow)))
+
     strongest = np.zeros(len(shallow))
     for start, time in (*zip(starts, starts, strict=True), (starts[-1], ends[-1])):
-        strongest = np.maximum(strongest, np.abs(drives(start, time)))
+        strongest = np.maximum(strongest, np.abs(drives_of_nodes(start, time)))
     # A load may change its sign; one that is not finite is told by the run.
     counts = shallow & (strongest > _MIN_ERROR / 2) & np.isfinite(strongest)
     strongest[~counts] = 0
@@ -297,8 +331,8 @@ def _strongest_loads(
     }
     chosen = list(fragments.values())
     pairs = list(zip(starts, ends, strict=True))
-    first = np.array([drives(start, start)[chosen] for start, _ in pairs])
-    last = np.array([drives(start, end)[chosen] for start, end in pairs])
+    first = np.array([drives_of_nodes(start, start)[chosen] for start, _ in pairs])
+    last = np.array([drives_of_nodes(start, end)[chosen] for start, end in pairs])
     # Numbers of the bodies that one time loads most, by this time.
     bodies_at = defaultdict(list)
     drive_of = {}
@@ -316,7 +350,7 @@ def _strongest_loads(
     for (start, time), numbers in bodies_at.items():
         losses = _losses(
             partial(drives, start, time),
-            without_loss=drives(start, time),
+            without_loss=drives_of_nodes(start, time),
             fragments=np.array([fragments[number] for number in numbers]),
         )
         loss_of |= dict(zip(numbers, losses.tolist(), strict=True))

@@ -65,7 +65,6 @@ def receipt_of(
         accuracy: notes on the exchange of radiation.
     """
     first = snapshots[0]
-    structures = [body.structure for body in scene.bodies]
     moves = len(starts) > 1
     return Receipt(
         included=("conduction", *dict.fromkeys(ledger.values())),
@@ -87,12 +86,14 @@ def receipt_of(
             *_counted(first, off=True),
             *_thin_warnings(first),
         ),
-        structures=tuple(_described(structure) for structure in structures),
-        nodes=sum(structure.node_count for structure in structures),
-        links=sum(structure.link_count for structure in structures),
+        structures=tuple(_described(structure) for structure in scene.structures),
+        nodes=sum(structure.node_count for structure in scene.structures),
+        links=sum(structure.link_count for structure in scene.structures),
         fragments=sum(first.surface.counts),
         snapshots=len(starts),
-        capacity_ratios=tuple(structure.capacity_ratio for structure in structures),
+        capacity_ratios=tuple(
+            structure.capacity_ratio for structure in scene.structures
+        ),
         dtype=scene.dtype,
     )
 
@@ -332,20 +333,21 @@ def sheet_lines(
     """Lines about each body that is a sheet."""
     return tuple(
         f"body {number}: {line}"
-        for number, body in enumerate(scene.bodies)
-        if isinstance(body.structure, Sheet)
-        for line in describe(body.structure)
+        for number, structure in enumerate(scene.structures)
+        if isinstance(structure, Sheet)
+        for line in describe(structure)
     )
 
 
 def filled_warnings(scene: Scene) -> tuple[str, ...]:
     """A line about each body that is solid where its mesh leaves that open."""
     lines = []
-    for number, body in enumerate(scene.bodies):
-        structure = body.structure
+    for number, structure in enumerate(scene.structures):
         # A shell with a volume of its own is hollow.
-        if isinstance(structure, SingleShell) and structure.capacity == "own":
+        is_hollow = isinstance(structure, SingleShell) and structure.capacity == "own"
+        if is_hollow or not structure.grid.unscaled_because:
             continue
+        body = scene.bodies[number]
         reason = _filled_because(body)
         if not reason:
             continue
@@ -359,10 +361,7 @@ def filled_warnings(scene: Scene) -> tuple[str, ...]:
 
 def _filled_because(body: Body) -> str:
     """Why the inside of a mesh may not be what its voxels fill; empty if it is."""
-    grid = body.structure.grid
-    if not grid.unscaled_because:
-        return ""
-    mesh = grid.mesh
+    mesh = body.structure.grid.mesh
     edges = found((mesh,), "open_edges", lambda: mesh.open_edges)
     if edges:
         return (

@@ -46,53 +46,85 @@ class _SceneNumbers(NamedTuple):
     values: list[Float[np.ndarray, "..."]]
 
 
+class _LeafNumbers(NamedTuple):
+    """Numbers among some leaves of a scene."""
+
+    form: tuple[Hashable, ...]
+    """Of each leaf: the shape of a number, or what else it is."""
+    positions: tuple[int, ...]
+    """Position of each number among the leaves."""
+    values: list[Float[np.ndarray, "..."]]
+
+    @classmethod
+    def of(
+        cls, leaves: list[Any], dtype: np.dtype, of_parts: dict[int, "_LeafNumbers"]
+    ) -> "_LeafNumbers":
+        """Numbers of leaves, some of which stand for the leaves of a part."""
+        form: list[Hashable] = []
+        positions = []
+        values = []
+        for leaf in leaves:
+            # Most leaves are single numbers.
+            if type(leaf) is float:
+                if leaf in (0, 1):
+                    form.append(((), leaf))
+                else:
+                    positions.append(len(form))
+                    values.append(np.asarray(leaf, dtype))
+                    form.append(())
+                continue
+            of_part = of_parts.get(id(leaf))
+            if of_part is not None:
+                positions += [len(form) + position for position in of_part.positions]
+                values += of_part.values
+                form += of_part.form
+                continue
+            array = _array(leaf)
+            if array is None:
+                form.append((type(leaf), leaf))
+            elif not np.issubdtype(array.dtype, np.inexact):
+                form.append(digest(array))
+            elif _is_constant(array):
+                form.append((array.shape, float(array.flat[0])))
+            else:
+                positions.append(len(form))
+                values.append(array.astype(dtype))
+                form.append(array.shape)
+        return cls(tuple(form), tuple(positions), values)
+
+
 def separate_numbers(scene: Scene) -> _SceneNumbers:
     """Separate the numbers of a scene, which has no traced values, from its form."""
-    identity: list[object] = []
-    is_comparable = True
-    form: list[Hashable] = [_outline(scene, without="bodies")]
+    dtype = np.dtype(scene.dtype)
+    structures = scene.structures
+    of_structures = found(
+        structures,
+        by=("numbers of structures", scene.dtype),
+        find=lambda: [
+            _LeafNumbers.of(jax.tree.leaves(structure), dtype, {})
+            for structure in structures
+        ],
+    )
+    leaves, outline = scene.flattened
+    numbers = _LeafNumbers.of(
+        leaves, dtype, dict(zip(map(id, structures), of_structures, strict=True))
+    )
+    identities = [structure.identity for structure in structures]
     # Most structures share their weights.
     outline_of = once(jax.tree.structure)
-    for body in scene.bodies:
-        objects = body.structure.identity
-        is_comparable = is_comparable and len(objects) > 0
-        identity += objects
-        # Without the structure, which its outline would keep alive.
-        form.append((body.structure.options, outline_of(body.structure.weights)))
-        form.append(_outline(body, without="structure"))
-    dtype = np.dtype(scene.dtype)
-    positions = []
-    numbers = []
-    for position, leaf in enumerate(scene.leaves):
-        # Most leaves are single numbers.
-        if type(leaf) is float:
-            if leaf in (0, 1):
-                form.append(((), leaf))
-            else:
-                positions.append(position)
-                numbers.append(np.asarray(leaf, dtype))
-                form.append(())
-            continue
-        array = _array(leaf)
-        if array is None:
-            form.append((type(leaf), leaf))
-        elif not np.issubdtype(array.dtype, np.inexact):
-            form.append(digest(array))
-        elif _is_constant(array):
-            form.append((array.shape, float(array.flat[0])))
-        else:
-            positions.append(position)
-            numbers.append(array.astype(dtype))
-            form.append(array.shape)
-    key = tuple(form)
+    # The outline of a structure would keep its grid alive.
+    options = [(s.options, outline_of(s.weights)) for s in structures]
+    form = (outline, *options, *numbers.form)
+    is_comparable = all(identities)
     try:
-        hash(key)
+        hash(form)
     except TypeError:
         is_comparable = False
+    identity = tuple(itertools.chain.from_iterable(identities))
     return _SceneNumbers(
-        form=_SceneForm(tuple(identity), key) if is_comparable else None,
-        positions=tuple(positions),
-        values=numbers,
+        form=_SceneForm(identity, form) if is_comparable else None,
+        positions=numbers.positions,
+        values=numbers.values,
     )
 
 
@@ -101,19 +133,6 @@ def _is_constant(array: np.ndarray) -> bool:
     if array.size == 0 or array.flat[0] not in (0, 1):
         return False
     return array.size == 1 or bool(np.ptp(array) == 0)
-
-
-def _outline(module: Any, without: str) -> Hashable:
-    """Static values of a module and the kinds of its other parts, but for one field."""
-    values = []
-    parts = []
-    for field in dataclasses.fields(module):
-        value = getattr(module, field.name)
-        if field.metadata.get("static"):
-            values.append(value)
-        elif field.name != without:
-            parts.append(value)
-    return (*values, jax.tree.structure(parts))
 
 
 def changed_constants(original: Scene, changed: Scene) -> tuple[str, ...]:
@@ -126,7 +145,7 @@ def changed_constants(original: Scene, changed: Scene) -> tuple[str, ...]:
     ]
     if positions[0] == positions[1]:
         return ()
-    first = original.leaves
+    first = jax.tree.leaves(original)
     named = jax.tree_util.tree_leaves_with_path(changed)
     if len(first) != len(named):
         return ()

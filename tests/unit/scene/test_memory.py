@@ -145,6 +145,34 @@ def test_bodies_of_one_structure_count_as_those_of_equal_ones():
         assert grouped_numbers(scene) is grouped_numbers(scene)
 
 
+def test_what_bodies_of_the_same_structures_are_made_of_counts():
+    """Structures share their parts: materials and motion tell bodies apart."""
+    box = jt.shapes.box((0.2, 0.1, 0.1))
+    grids = [jt.voxelize(box, pitch) for pitch in (0.02, 0.025)]
+    conductivity = jt.Property((300.0, 400.0), (14.0, 18.0))
+    varying = jt.Material(conductivity, density=8000.0, specific_heat=500.0)
+    moved = jt.PoseTable((0.0, 1.0), (jt.Pose(), jt.Pose((0.1, 0.0, 0.0))))
+    changes = (
+        {},
+        {"material": jt.MaterialMap(varying)},
+        {"pose": jt.Motion(moved)},
+    )
+    structures = [jt.FullVolume(grid) for grid in grids * 2]
+    forecasts = []
+    for change in changes:
+        of_scenes = []
+        # The last structures are new ones.
+        for parts in (structures, [jt.FullVolume(grid) for grid in grids * 2]):
+            bodies = [jt.Body(part, STEEL, temperature=300.0) for part in parts]
+            bodies[1] = replace(bodies[1], **change)
+            scene = jt.Scene(tuple(bodies), TERMS)
+            of_scenes.append(forecast_memory(scene, 1, 2, "euler"))
+        shared, new = of_scenes
+        assert shared == new
+        forecasts.append(new)
+    assert len(set(forecasts)) == 3
+
+
 @pytest.mark.parametrize("moving", [0, 1, 2])
 def test_snapshots_keep_what_they_change(moving):
     """Two balls, some of which move, or a sun that does."""

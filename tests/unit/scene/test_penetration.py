@@ -211,6 +211,19 @@ def test_only_the_body_that_is_too_coarse_is_named():
     assert remedy in line
 
 
+def test_materials_of_the_same_structure_have_their_own_lines():
+    wood = jt.Material(0.2, density=600.0, specific_heat=1600.0, emissivity=1.0)
+    structure = jt.FullVolume(bar(4, 0.02))
+    load = jt.HeatFlux(3e3, on=END)
+    lines = [
+        warnings_of(structure, (1.0,), load, material=material)
+        for material in (GROUND, wood, jt.MaterialMap(wood))
+    ]
+    assert lines[0] != lines[1] == lines[2]
+    new = jt.FullVolume(bar(4, 0.02))
+    assert warnings_of(new, (1.0,), load, material=wood) == lines[1]
+
+
 def test_a_sudden_load_late_in_a_run_is_seen():
     table = jt.Table([0.0, 3600.0, 3601.0, 3660.0], [0.0, 0.0, 4e3, 4e3])
     sudden = jt.HeatFlux(table, on=END)
