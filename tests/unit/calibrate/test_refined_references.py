@@ -205,7 +205,8 @@ def test_a_linear_field_of_finer_voxels_is_exact_at_the_fragments_of_coarser_one
     # Far off, nothing is known: no residual, whatever the run has there.
     where = coarse.geometry.fragment_position.copy()
     where[:7] += 5.0
-    moved = replace(coarse, geometry=replace(coarse.geometry, fragment_position=where))
+    geometry = replace(coarse.geometry, fragment_position=where)
+    moved = coarse._replace(geometry=geometry)
     partly, unknown = reference.read_at((moved, coarse))
     assert unknown.nonzero()[0].tolist() == list(range(7))
     assert np.isfinite(partly.surface_temperature).all()
@@ -213,7 +214,7 @@ def test_a_linear_field_of_finer_voxels_is_exact_at_the_fragments_of_coarser_one
     assert not target.scale[:, :7].any() and (target.scale[:, 7:] > 0).all()
     with pytest.raises(InputError, match="no surface in common"):
         nowhere = replace(moved.geometry, fragment_position=where + 50.0)
-        reference.read_at((replace(moved, geometry=nowhere),) * 2)
+        reference.read_at((moved._replace(geometry=nowhere),) * 2)
 
 
 def test_a_body_of_voxels_has_no_finer_ones(tmp_path):
