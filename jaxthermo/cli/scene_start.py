@@ -9,6 +9,7 @@ import numpy as np
 
 from ..config.schema.material import material_names
 from ..config.strict_yaml import write_flow
+from ..geometry.files.file_mesh import ABSENT
 from ..geometry.mesh import Mesh
 from ..geometry.part_names import matching_parts, short_names
 from ..geometry.wall_thickness import wall_thickness
@@ -169,7 +170,8 @@ def _by_pitch(meshes: Mapping[str, Mesh]) -> Iterator[tuple[float, list[str]]]:
 
 def _hint(group: _Group, parts: list[Mesh]) -> str:
     known = group.word in material_names()
-    hints = [] if known else [f"material: the file has {group.word!r}"]
+    in_file = "none" if group.word == ABSENT else repr(group.word)
+    hints = [] if known else [f"material: the file has {in_file}"]
     if not group.is_solid:
         hints.append("thickness: the file has none")
     walls = [wall_thickness(mesh) if group.is_solid else None for mesh in parts]

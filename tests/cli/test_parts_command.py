@@ -95,6 +95,12 @@ def test_a_part_of_no_extent_has_a_line_and_is_left_out(printed, tmp_path):
     assert "{match: [point], ignore: true}  # no extent" in out
 
 
+def test_parts_without_a_material_are_told(printed):
+    _, out, _ = printed(GIVEN / "instanced.glb", "--scene")
+    assert "{match: '-', material: carbon_steel" in out
+    assert "# material: the file has none" in out
+
+
 def test_small_parts_do_not_give_large_ones_their_voxels():
     sizes = {"beam": (2.0, 0.2, 0.2), "rail": (1.5, 0.2, 0.1)}
     sizes |= dict.fromkeys(("screw", "nut", "washer"), (0.006, 0.006, 0.02))

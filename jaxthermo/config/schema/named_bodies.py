@@ -114,12 +114,25 @@ def _numbered_term(term: Data, names: Mapping[str, int]) -> Data:
     for key in ("on", "within"):
         if key in term:
             numbered[key] = _numbered(term[key], (key,), names)
+    if isinstance(term.get("cylinders"), list):
+        numbered["cylinders"] = [
+            _numbered_cylinder(cylinder, ("cylinders", i), names)
+            for i, cylinder in enumerate(term["cylinders"])
+        ]
     if isinstance(term.get("bodies"), list):
         numbered["bodies"] = [
             _single(body, ("bodies", i), names) if isinstance(body, str) else body
             for i, body in enumerate(term["bodies"])
         ]
     return numbered
+
+
+def _numbered_cylinder(cylinder: Any, where: Location, names: Mapping[str, int]) -> Any:
+    if not isinstance(cylinder, dict) or cylinder.get("part") is None:
+        return cylinder
+    number = _single(cylinder["part"], (*where, "part"), names)
+    others = {key: value for key, value in cylinder.items() if key != "part"}
+    return {**others, "body": number}
 
 
 def _numbered_plane(surface: Data, names: Mapping[str, int]) -> Data:
@@ -163,7 +176,7 @@ def _matching(patterns: Any, where: Location, names: Mapping[str, int]) -> list[
     return sorted(numbers)
 
 
-def _single(name: str, where: Location, names: Mapping[str, int]) -> int:
+def _single(name: Any, where: Location, names: Mapping[str, int]) -> int:
     numbers = _matching(name, where, names)
     if len(numbers) > 1:
         line = f"{name!r} is the name of {len(numbers)} bodies: name one"

@@ -26,14 +26,15 @@ Patterns = Annotated[
 """A pattern of names of parts or bodies, or a list of such patterns."""
 
 
-class _OnBody(Model):
-    """A selection on a body, by its number or its name."""
+class OnBody(Model):
+    """A body, by its number or its name."""
 
     body: Index = 0
     part: Patterns | None = None
     """Pattern of names of bodies, or a list of them, instead of a number."""
 
     def mistakes(self) -> list[Mistake]:
+        """A name where no scene has replaced it by a number."""
         return _misplaced(self.part)
 
 
@@ -43,14 +44,14 @@ def _misplaced(part: Any) -> list[Mistake]:
     return [] if part is None else [(("part",), message)]
 
 
-class SideConfig(_OnBody, builds="Side"):
+class SideConfig(OnBody, builds="Side"):
     """The surface that faces a direction; in a term without a body, of all bodies."""
 
     normal: Direction
     half_angle: Annotated[Angle, Field(gt=0, le=math.pi)] = math.pi / 4
 
 
-class _FaceConfig(_OnBody, builds="Face"):
+class _FaceConfig(OnBody, builds="Face"):
     """One of the two faces of a sheet."""
 
     name: Literal["front", "back"]
@@ -60,7 +61,7 @@ class _FaceConfig(_OnBody, builds="Face"):
 _AnyFace = Annotated[_FaceConfig, Short("name", words=("front", "back"))]
 
 
-class _RegionConfig(_OnBody, builds="Region"):
+class _RegionConfig(OnBody, builds="Region"):
     """Everything within a box in the body's own frame [m]."""
 
     lower: Position
@@ -70,7 +71,7 @@ class _RegionConfig(_OnBody, builds="Region"):
         return [*super().mistakes(), *empty_box(self.lower, self.upper)]
 
 
-class _FragmentsConfig(_OnBody, builds="FragmentMask"):
+class _FragmentsConfig(OnBody, builds="FragmentMask"):
     """Surface fragments by a file with a truth value for each."""
 
     mask: FoundPath

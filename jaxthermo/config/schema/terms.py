@@ -19,7 +19,7 @@ from ..types.varying import (
     Varying,
     without_resistance,
 )
-from .selection import WhereConfig, WithinConfig
+from .selection import OnBody, WhereConfig, WithinConfig
 
 
 # With fewer directions a view of the surroundings is too coarse to be of use.
@@ -132,14 +132,13 @@ class _ConvectionConfig(Model, builds="Convection", kind="convection"):
     on: WhereConfig | None = None
 
 
-class _CylinderConfig(Model, builds="Cylinder"):
+class _CylinderConfig(OnBody, builds="Cylinder"):
     """A cylinder that stands for a part of a body, in the body's own frame."""
 
     axis_point: si.Position
     axis: si.Direction
     diameter: si.PositiveLength
     length: si.PositiveLength | None = None
-    body: si.Index = 0
 
 
 class _FittedWakeConfig(KindModel, builds="FittedWake", kind="fitted"):

@@ -119,14 +119,17 @@ def test_terms_select_bodies_by_name(scene):
         f"{CONVECTION}, on: {{{up}}}",
         "kind: heat_source, heat_rate_density: 10, within: {part: [wheel_left, roof]}",
         "kind: contact, conductance: 100, bodies: [wheel_right, roof]",
+        "kind: wind, velocity: [1, 0, 0], temperature: 290, cylinders: [{axis_point: "
+        "[0, 0, 0], axis: [0, 0, 1], diameter: 0.1, part: wheel_right}]",
     )
     built = scene((WHEELS, ROOF, DECAL), terms).build()
-    wheels, back, upper, inside, contact = built.terms
+    wheels, back, upper, inside, contact, wind = built.terms
     assert wheels.named_bodies == (0, 1, 2)
     assert back.named_bodies == (3,)
     assert upper.named_bodies == (0, 1, 2)
     assert inside.named_bodies == (0, 3)
     assert contact.bodies == (1, 3)
+    assert [cylinder.body for cylinder in wind.cylinders] == [1]
 
 
 REST = "{match: '*', ignore: true}"
