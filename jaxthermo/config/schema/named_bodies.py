@@ -145,6 +145,9 @@ def _numbered(selection: Any, where: Location, names: Mapping[str, int]) -> Any:
         return selection
     result = {}
     for key, value in selection.items():
+        if key == "body" and isinstance(value, str) and value in names:
+            line = f"expected a number; give a name by `part: {value}`"
+            raise MistakesError([((*where, key), line)])
         if key == "part":
             chosen = [{"body": n} for n in _matching(value, (*where, key), names)]
         elif key in _ON_BODIES and isinstance(value, dict) and "part" in value:

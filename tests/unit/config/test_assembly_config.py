@@ -190,6 +190,16 @@ REST = "{match: '*', ignore: true}"
         (
             {
                 "rules": (WHEELS, REST),
+                "terms": (
+                    f"{CONVECTION}, on: {{side: {{normal: x, body: wheel_left}}}}",
+                ),
+            },
+            "terms.0.on.side.body: expected a number; give a name by `part: "
+            "wheel_left`",
+        ),
+        (
+            {
+                "rules": (WHEELS, REST),
                 "terms": ("kind: contact, conductance: 1, bodies: ['wheel*', 0]",),
             },
             "terms.0.bodies.0: 'wheel*' is the name of 3 bodies: name one",
