@@ -41,9 +41,12 @@ class _Spheres(NamedTuple):
 
     def reach_into(self, spaces: HalfSpaces) -> Bool[np.ndarray, " n"]:
         """Flags of spheres that have a part in each half space."""
-        above = linear_map_in_columns(self.centre, spaces.normal.T) - spaces.offset
+        x, y, z = self.centre.T
+        reaches = np.ones(len(self.radius), bool)
         length = row_length(spaces.normal)
-        return np.all(above >= -length * self.radius[:, None], axis=1)
+        for (a, b, c), offset, scale in zip(*spaces, length, strict=True):
+            reaches &= x * a + y * b + z * c - offset >= -scale * self.radius
+        return reaches
 
 
 class BoundingSpheres(NamedTuple):

@@ -69,7 +69,7 @@ def orthographic_view(
     points: Float[np.ndarray, "*n 3"], direction: object, pitch: float
 ) -> OrthographicView:
     """Smallest view along `direction` around all points, with a pixel of margin."""
-    return fitted_view(points.reshape(-1, 3), direction, pitch).view
+    return fitted_view(points.reshape(-1, 3), view_frame(direction), pitch).view
 
 
 class _FittedView(NamedTuple):
@@ -81,10 +81,9 @@ class _FittedView(NamedTuple):
 
 
 def fitted_view(
-    points: Float[np.ndarray, "n 3"], direction: object, pitch: float
+    points: Float[np.ndarray, "n 3"], frame: Float[np.ndarray, "3 3"], pitch: float
 ) -> _FittedView:
-    """The view of `orthographic_view` with its points projected."""
-    frame = view_frame(direction)
+    """The view of `orthographic_view` in a `view_frame`, with its points projected."""
     turned = linear_map_in_columns(points, frame.T)
     low = turned.min(0)
     high = turned.max(0)

@@ -11,12 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ...arrays import linear_map_in_columns
 from ...geometry.vectors import row_dot, tangents
+from ...memo.found import found
 from ...memo.stored import stored_search
 from ...raster.views import (
-    OrthographicView,
-    orthographic_view,
+    fitted_view,
     perspective_views,
     pixels_at,
     view_frame,
@@ -79,14 +78,21 @@ def lit_fractions(sight: Sight) -> Float[np.ndarray, "*n s"]:
 
 def _samples(
     raised: Float[np.ndarray, "s 3"],
-    normal: Float[np.ndarray, "s 3"],
+    across: Float[np.ndarray, "2 s 3"],
     pitch: SquareEdge,
 ) -> Float[np.ndarray, "n 3"]:
-    """The first samples around all lifted points, then the second ones, of four."""
-    radius = _SAMPLE_RADIUS * np.reshape(pitch, (-1, 1))
-    first, second = (t * radius for t in tangents(normal))
+    """The first samples around all lifted points, then the second ones, of four.
+
+    `across` are the tangents of the points.
+    """
+    first, second = across * (_SAMPLE_RADIUS * np.reshape(pitch, (-1, 1)))
     offsets = np.stack([first, -first, second, -second])
     return (raised + offsets).reshape(-1, 3)
+
+
+def _tangents_of(normal: Float[np.ndarray, "s 3"]) -> Float[np.ndarray, "2 s 3"]:
+    """Tangents of a surface, computed once for all directions of light."""
+    return found((normal,), "tangents", lambda: np.stack(tangents(normal)))
 
 
 def _lit_bits(is_lit: Bool[np.ndarray, " n"]) -> Sight:
@@ -107,64 +113,32 @@ def sunlit_samples(
     a surface is half the edge of its squares, or an eighth of the largest one where
     each square has its own.
     """
-    turned = _Turned.along(view_frame(direction), triangles)
-    return [_sunlit(turned, *squares, direction=direction) for squares in surfaces]
-
-
-class _Turned(NamedTuple):
-    """Triangles in the axes of a view, with their boxes [m]."""
-
-    frame: Float[np.ndarray, "3 3"]
-    """Axes of the view, as rows."""
-    corners: Float[np.ndarray, "f 3 3"]
-    low: Float[np.ndarray, "f 3"]
-    high: Float[np.ndarray, "f 3"]
-
-    @classmethod
-    def along(
-        cls, frame: Float[np.ndarray, "3 3"], triangles: Float[np.ndarray, "f 3 3"]
-    ) -> "_Turned":
-        """Triangles in some axes; one search turns them once for all its surfaces."""
-        corners = linear_map_in_columns(triangles, frame.T)
-        return cls(frame, corners, low=corners.min(axis=1), high=corners.max(axis=1))
-
-    def over(self, view: OrthographicView) -> Float[np.ndarray, "m 3 3"]:
-        """Corners (column, row, depth) of the triangles that reach into an image."""
-        left, top = view.corner[:2]
-        is_over = (
-            (self.high[:, 0] >= left)
-            & (self.low[:, 0] <= left + view.width * view.pitch)
-            & (self.high[:, 1] >= top)
-            & (self.low[:, 1] <= top + view.height * view.pitch)
-        )
-        return view.scaled(self.corners[is_over])
+    frame = view_frame(direction)
+    return [_sunlit(triangles, *squares, frame=frame) for squares in surfaces]
 
 
 def _sunlit(
-    turned: _Turned,
+    triangles: Float[np.ndarray, "f 3 3"],
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
     pitch: SquareEdge,
-    direction: object,
+    frame: Float[np.ndarray, "3 3"],
 ) -> Sight:
-    """Samples of the squares of one surface that parallel rays hit, one a bit."""
+    """Samples of the squares of one surface that rays along a view hit, one a bit."""
     lit = np.zeros(len(position), np.uint8)
-    facing = np.flatnonzero(normal @ turned.frame[2] < 0)
+    facing = np.flatnonzero(normal @ frame[2] < 0)
     if not len(facing):
         return lit
     # The map covers only surfaces that may be lit: a vast ground costs nothing.
-    view = orthographic_view(position[facing], direction, _shadow_pixel(pitch))
-    corners = turned.over(view)
-    if not len(corners):
-        lit[facing] = len(_LIT) - 1
-        return lit
+    view, _ = fitted_view(position[facing], frame, _shadow_pixel(pitch))
     raised = position[facing] + normal[facing] * _LIFT * view.pitch
     edge = edges_of_points(pitch, facing)
-    at = view.project(_samples(raised, normal[facing], edge))
+    across = _tangents_of(normal)[:, facing]
+    at = view.project(_samples(raised, across, edge))
     is_lit = np.ones(len(at), bool)
     window = window_of(
         view,
-        corners=corners,
+        triangles=triangles,
         at=at,
         is_behind=lambda nearest, _: at[:, 2] > nearest,
         task="a shadow map",
@@ -198,7 +172,8 @@ def lit_samples_from_point(
         size = view.pixel * view.project(position[seen])[:, 2]
         raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
         edge = edges_of_points(pitch, seen)
-        at = view.project(_samples(raised, normal[seen], edge))
+        across = _tangents_of(normal)[:, seen]
+        at = view.project(_samples(raised, across, edge))
         row, column = pixels_at(view, at)
         lit[seen] = _lit_bits(at[:, 2] <= view.nearest(triangles, row, column))
     return lit

@@ -28,6 +28,7 @@ from ...raster.views import (
     fitted_view,
     half_sphere_directions,
     pixels_at,
+    view_frame,
 )
 from ..surface import BodySurface
 from .free_lines import free_lines
@@ -98,7 +99,7 @@ def lines_to_surroundings(
     numbers = np.flatnonzero(may_meet).tolist()
 
     def sees_out(number: int) -> Bool[np.ndarray, " s"]:
-        view, at = fitted_view(position, upward[number], pixel)
+        view, at = fitted_view(position, view_frame(upward[number]), pixel)
         return _sees_out(view, at, triangles, normal)
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
@@ -119,7 +120,7 @@ def certain_lines(
     pixel = _PIXEL * float(np.max(pitch))
     is_certain = []
     for upward in half_sphere_directions((directions + 1) // 2):
-        deeper = _deeper(*fitted_view(position, upward, pixel), normal)
+        deeper = _deeper(*fitted_view(position, view_frame(upward), pixel), normal)
         is_certain.append(np.abs(deeper) <= _MAX_DEPTH_CORRECTION)
     return np.packbits(is_certain, axis=0)
 
@@ -230,7 +231,7 @@ def _sees_out(
     is_free = np.ones(len(at), bool)
     window = window_of(
         view,
-        corners=_corners_over(view, at, triangles),
+        triangles=triangles,
         at=at,
         is_behind=lambda low, high: np.where(is_ahead, above < high, below > low),
         task="a map",
@@ -248,21 +249,6 @@ def _sees_out(
             is_ahead[points], above[points] >= farthest, below[points] <= nearest
         )
     return is_free
-
-
-def _corners_over(
-    view: OrthographicView,
-    at: Float[np.ndarray, "s 3"],
-    triangles: Float[np.ndarray, "f 3 3"],
-) -> Float[np.ndarray, "m 3 3"]:
-    """Triangles that may be over points of a view, projected as these are."""
-    row, column = pixels_at(view, at)
-    spaces = view.half_spaces(
-        low=np.array([column.min(), row.min()]),
-        high=np.array([column.max() + 1, row.max() + 1]),
-    )
-    over = BoundingSpheres.of(triangles).reaching_into(spaces)
-    return view.project(triangles[over])
 
 
 def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: _SkyView) -> _SkyView:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...host_memory import require_memory
+from ...raster.bounding_spheres import BoundingSpheres
 from ...raster.depth_buffer import nearest_depth
 from ...raster.views import OrthographicView, pixels_at
 
@@ -50,7 +51,7 @@ class Window(NamedTuple):
 
 def window_of(
     view: OrthographicView,
-    corners: Float[np.ndarray, "f 3 3"],
+    triangles: Float[np.ndarray, "f 3 3"],
     at: Float[np.ndarray, "n 3"],
     is_behind: Callable[[float, float], Bool[np.ndarray, " n"]],
     task: str,
@@ -59,15 +60,21 @@ def window_of(
 
     Args:
         view: of all points.
-        corners: of the occluder's triangles that may be over the points, projected.
+        triangles: of the occluder, in the world [m].
         at: points, projected.
         is_behind: flags of the points, from the depths at which the occluder begins
             and ends.
         task: what the window is a part of.
     """
-    if not len(corners):
-        return None
     row, column = pixels_at(view, at)
+    spaces = view.half_spaces(
+        low=np.array([column.min(), row.min()]),
+        high=np.array([column.max() + 1, row.max() + 1]),
+    )
+    over = BoundingSpheres.of(triangles).reaching_into(spaces)
+    if not len(over):
+        return None
+    corners = view.project(triangles[over])
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
     points = np.flatnonzero(

@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.arrays import linear_map_in_columns
+from jaxthermo.geometry.vectors import tangents
 from jaxthermo.physics.radiation import shadows
 from jaxthermo.physics.radiation.shadows import Squares, lit_fractions, sunlit_samples
+from jaxthermo.physics.radiation.window import window_of
 from jaxthermo.raster.depth_buffer import nearest_depth
-from jaxthermo.raster.views import orthographic_view, pixels_at
+from jaxthermo.raster.views import (
+    fitted_view,
+    orthographic_view,
+    pixels_at,
+    view_frame,
+)
 
 
 PITCH = 0.05
@@ -33,7 +39,8 @@ def fully_drawn(triangles, squares, direction):
     pixel = shadows._shadow_pixel(edge)
     view = orthographic_view(position[facing], direction, pixel)
     raised = position[facing] + normal[facing] * shadows._LIFT * pixel
-    at = view.project(shadows._samples(raised, normal[facing], edge))
+    across = np.stack(tangents(normal[facing]))
+    at = view.project(shadows._samples(raised, across, edge))
     row, column = pixels_at(view, at)
     nearest = nearest_depth(
         view.project(triangles),
@@ -68,10 +75,16 @@ def test_triangles_beside_an_image_are_left_out():
     )
     is_facing = GRID.fragment_normal[:, 2] > 0
     np.testing.assert_array_equal(lit_fractions(lit), is_facing)
-    view = orthographic_view(squares_at(PLACES[2]).position, (0.0, 0.0, 1.0), PITCH)
-    over = shadows._Turned.along(view.frame, triangles_at(PLACES)).over(view)
-    assert len(over) == len(GRID.mesh.faces)
-    expected = view.scaled(
-        linear_map_in_columns(triangles_at(PLACES[2:]), view.frame.T)
+    frame = view_frame((0.0, 0.0, 1.0))
+    view, at = fitted_view(squares_at(PLACES[2]).position, frame, PITCH)
+    window = window_of(
+        view,
+        triangles=triangles_at(PLACES),
+        at=at,
+        is_behind=lambda low, high: np.ones(len(at), bool),
+        task="a map",
     )
-    np.testing.assert_array_equal(over, expected)
+    assert window is not None and len(window.corners) == len(GRID.mesh.faces)
+    first = np.array([1.0, 1.0, 0.0])
+    expected = view.project(triangles_at(PLACES[2:])) - first
+    np.testing.assert_array_equal(window.corners, expected)
