@@ -75,7 +75,9 @@ def _place_key(viewers: tuple[BodySurface, ...], is_distant: bool) -> tuple:
     """Places of bodies in the first one, and its own, as numbers to compare."""
     first = viewers[0].pose
     length = _length_of(viewers)
-    within = tuple(first.relative_key(body.pose, length) for body in viewers)
+    # A method of a module is a new object in each call: one for all bodies.
+    key_from_first = first.relative_key
+    within = tuple(key_from_first(body.pose, length) for body in viewers)
     translation, rotation = _WORLD.relative_key(first, length)
     return within, rotation, None if is_distant else translation
 

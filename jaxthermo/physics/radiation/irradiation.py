@@ -89,8 +89,10 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         if not irradiation:
             return (Omitted(self.dark),)
         factors = [surface.apart(incident.factor) for incident in irradiation]
+        # A method of a module is a new object in each call: one for all bodies.
+        covers_of = self._covers
         covers = [
-            self._covers(body, [by_body[n] for by_body in factors])
+            covers_of(body, [by_body[n] for by_body in factors])
             for n, body in enumerate(surface.bodies)
         ]
         omitted = [cover for cover in covers if isinstance(cover, Omitted)]
