@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.geometry.shapes import box, sphere
-from jaxthermo.physics.radiation import visibility
+from jaxthermo.parallel import threads
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.radiation.view_factors import view_factors
 from jaxthermo.physics.radiation.visibility import (
@@ -237,6 +237,6 @@ def test_directions_at_once_see_what_each_of_them_sees(monkeypatch):
         )
 
     at_once = free_lines()
-    monkeypatch.setattr(visibility.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr(threads.os, "cpu_count", lambda: 1)
     assert_array_equal(at_once, free_lines())
     assert 0 < np.unpackbits(at_once, axis=0)[:16].mean() < 1

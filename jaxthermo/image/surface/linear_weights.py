@@ -12,8 +12,6 @@ where no such mean exists, as on the border itself. Source: Arroyo and Ortiz, In
 Numer. Methods Eng. 65 (2006) 2167.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +19,7 @@ from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
 from ...geometry.vectors import row_dot, tangents
+from ...parallel.threads import in_threads
 
 
 _REGULARIZATION = 1e-6
@@ -85,9 +84,8 @@ def linear_weights(
 
     chunks = [order[at : at + _CHUNK] for at in range(0, len(order), _CHUNK)]
     # A group belongs to one point: no two threads write to the same.
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for _ in pool.map(replace, chunks):
-            pass
+    for _ in in_threads(replace, chunks):
+        pass
     data = weights.data * (tilted / groups.weight)[groups.number]
     return csr_array((data, weights.indices, weights.indptr), weights.shape)
 

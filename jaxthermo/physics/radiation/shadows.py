@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from ...geometry.vectors import row_dot, tangents
 from ...memo.found import found
 from ...memo.stored import stored_search
+from ...parallel.threads import in_threads
 from ...raster.views import (
     fitted_view,
     perspective_views,
@@ -114,7 +115,11 @@ def sunlit_samples(
     each square has its own.
     """
     frame = view_frame(direction)
-    return [_sunlit(triangles, *squares, frame=frame) for squares in surfaces]
+
+    def lit_of(squares: Squares) -> Sight:
+        return _sunlit(triangles, *squares, frame=frame)
+
+    return list(in_threads(lit_of, surfaces))
 
 
 def _sunlit(

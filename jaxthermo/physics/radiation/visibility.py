@@ -9,8 +9,6 @@ sky above the horizon and the ground below it. Without obstacles F_sky = (1 + n_
 and F_ground = (1 - n_z) / 2.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +19,7 @@ from ...errors import InputError
 from ...geometry.vectors import row_dot
 from ...memo.found import found
 from ...memo.stored import stored_search
+from ...parallel.threads import in_threads
 from ...raster.bounding_spheres import BoundingSpheres
 from ...raster.depth_buffer import depth_range
 from ...raster.views import (
@@ -102,11 +101,10 @@ def lines_to_surroundings(
         view, at = fitted_view(position, view_frame(upward[number]), pixel)
         return _sees_out(view, at, triangles, normal)
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        for number, is_free_along in zip(
-            numbers, pool.map(sees_out, numbers), strict=True
-        ):
-            is_free[number] = is_free_along
+    for number, is_free_along in zip(
+        numbers, in_threads(sees_out, numbers), strict=True
+    ):
+        is_free[number] = is_free_along
     return np.packbits(is_free, axis=0)
 
 
