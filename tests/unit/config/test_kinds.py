@@ -29,7 +29,10 @@ CONVERTED = {
         *("structure", "regions", "sheet", "skin", "interior"),
     },
     # The scene replaces names of bodies by numbers.
-    **{f"{kind}Config": {"part"} for kind in ("Face", "Fragments", "Region", "Side")},
+    **{
+        f"{kind}Config": {"part"}
+        for kind in ("Cylinder", "Face", "Fragments", "Region", "Side")
+    },
     "MeshConfig": {"part"},
     "AirConfig": {"exchange", "outside", "temperature"},
     "CoatingConfig": {"finish"},
