@@ -103,12 +103,19 @@ class AbstractSolution(Module):
         temperature = self.surface_temperature
         fragments = self._fragments_of_bodies
         numbers = self._numbers_by_name
+        means = self.mean_temperature
+        count = len(fragments) if means is None else means.shape[-1]
 
         def temperatures_of(body: int | str) -> Float[Array | np.ndarray, "t _"]:
             if isinstance(body, str) and body not in numbers:
                 line = unmatched_name(body, list(numbers))
                 raise InputError(f"solution.of_body: {line}")
             number = numbers[body] if isinstance(body, str) else body
+            if not -count <= number < count:
+                raise InputError(
+                    f"solution.of_body: there is no body {number}; there are {count}: "
+                    "count from 0"
+                )
             has_surface = number < len(fragments)
             return temperature[:, fragments[number] if has_surface else slice(0, 0)]
 

@@ -77,6 +77,8 @@ def test_temperatures_are_found_by_name(solution):
     np.testing.assert_array_equal(by_name, solution.surface_temperature[:, :count])
     with pytest.raises(InputError, match=r"no body has the name 'roof'; .*door\.left"):
         solution.of_body("roof")
+    with pytest.raises(InputError, match="there is no body 7; there are 2: count from"):
+        solution.of_body(7)
 
 
 def test_heat_through_a_contact_has_the_names(scene, solution, tmp_path):
