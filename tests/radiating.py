@@ -1,5 +1,7 @@
 """Surfaces and bodies for the tests of radiation."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -85,6 +87,10 @@ def heat_into(binding: Binding) -> np.ndarray:
     return area * np.asarray(binding.law.flux(jnp.zeros(()), jnp.zeros(len(area))))
 
 
-def in_patches(grid: AbstractGrid, max_patches: int, pose=STANDING) -> PatchedBody:
-    patches = group_patches(grid, area=grid.fragment_area, max_patches=max_patches)
+def in_patches(
+    grid: AbstractGrid, max_patches: int, pose=STANDING, area: Any = None
+) -> PatchedBody:
+    if area is None:
+        area = grid.fragment_area
+    patches = group_patches(grid, area=area, max_patches=max_patches)
     return PatchedBody.of_grid(grid, patches, pose)

@@ -162,6 +162,22 @@ def test_many_bodies_share_lines():
     assert views.between[first, 2 * count : 3 * count].sum() < 1e-3
 
 
+def test_rows_of_patches_that_touch_do_not_count_as_sampled():
+    """Two cubes on each other: lines between the faces that touch are no exchange."""
+    bodies = []
+    for side, height in ((1.0, 0.0), (-1.0, 1.0)):
+        touches = side * CUBE.fragment_normal[:, 2] > 0.5
+        area = np.where(touches, 1e-6, 1.0) * CUBE.fragment_area
+        bodies.append(in_patches(CUBE, 24, moved(0.0, 0.0, height), area))
+    views, sampling = refined_view_factors(tuple(bodies), 0.05)
+    assert views.sampled is not None
+    assert_array_equal(np.isnan(views.sampled), views.area < 1e-3)
+    assert sampling.row_error < 0.1
+    # The free sides see nothing but the surroundings.
+    free = views.area > 1e-3
+    assert_allclose(views.to_surroundings[free], 1.0, atol=1e-5)
+
+
 def test_a_cavity_that_several_bodies_enclose_is_closed():
     """Six slabs around a cube of 1 m: two walls see each other as parallel squares."""
     slabs = {

@@ -30,6 +30,9 @@ _SHARED = 10
 # Sizes of cells between one and twice that size.
 _CELL_SIZES = 8
 
+# Part of an area that is rounding.
+_ROUNDING = 1e-5
+
 # Lines across a patch of mean area.
 _LINES_ACROSS_PATCH = 2.0
 
@@ -100,6 +103,8 @@ class _Patches:
     small spaces, which count as outside."""
     is_enclosed: Bool[np.ndarray, " r"]
     """True for spaces in a closed cavity."""
+    is_touched: Bool[np.ndarray, " p"]
+    """True for patches that touch another body: lines across no gap meet them, too."""
 
     @property
     def count(self) -> int:
@@ -450,6 +455,7 @@ def group_patches(
     code, patch = np.unique(codes, return_inverse=True)
     patch = patch.reshape(-1)
     total = np.bincount(patch, area, len(code))
+    whole = np.bincount(patch, grid.fragment_area, len(code))
     mean = [np.bincount(patch, area * position[:, i], len(code)) for i in range(3)]
     centre = np.stack(mean, axis=1) / total[:, None]
     return _Patches(
@@ -461,6 +467,7 @@ def group_patches(
         cavities=grid.cavities if isinstance(grid.cavities, Cavities) else None,
         room=room,
         is_enclosed=np.arange(len(room)) >= sides,
+        is_touched=total < whole * (1 - _ROUNDING),
     )
 
 

@@ -57,8 +57,8 @@ class ViewFactors(NamedTuple):
     visible: Float[np.ndarray, "2 p"] | None = None
     """Fraction of the sky and of the ground that each patch sees [-]; None for all."""
     sampled: Float[np.ndarray, " p"] | None = None
-    """Sum of the row of each patch as sampled, before it was scaled to 1 [-]; None if
-    nothing was sampled."""
+    """Sum of the row of each patch as sampled, before it was scaled to 1 [-]; nan for
+    patches that touch another body, None if nothing was sampled."""
 
     @property
     def factor(self) -> csr_array:
@@ -111,7 +111,8 @@ def _exchange_areas(bodies: tuple[PatchedBody, ...], lines: LineSums) -> ViewFac
     area = np.concatenate([body.patches.area for body in bodies])
     between = lines.pairs + lines.pairs.T
     outside = lines.sky + lines.ground
-    sampled = (between.sum(1) + outside) / area
+    is_touched = np.concatenate([body.patches.is_touched for body in bodies])
+    sampled = np.where(is_touched, np.nan, (between.sum(1) + outside) / area)
     # A patch in a closed cavity that no line has hit exchanges nothing.
     enclosed = np.concatenate([body.patches.enclosed for body in bodies])
     is_alone = enclosed & (between.sum(1) == 0)
@@ -211,7 +212,8 @@ class Sampling(NamedTuple):
     patches: int = 0
     """Number of patches of all bodies."""
     row_error: float = 0.0
-    """Root of the mean square of the sums of rows as sampled, less 1 [-]."""
+    """Root of the mean square of the sums of rows as sampled, less 1 [-]; nan where no
+    row is known."""
     lines: float = 0.0
     """Number of lines between surfaces that all bodies share, about [-]."""
     fits: bool = True
@@ -222,9 +224,12 @@ class Sampling(NamedTuple):
         """Remark for the receipt."""
         factors = f"view factors from {self.directions} directions"
         if self.patches:
+            rows = "rows are scaled to 1"
+            if np.isfinite(self.row_error):
+                within = f"within {100 * self.row_error:.2g} %"
+                rows = f"sampled rows add up to 1 {within} and are scaled to 1"
             factors = (
-                f"view factors of {self.patches} patches, whose sampled rows add up to "
-                f"1 within {100 * self.row_error:.2g} % and are scaled to 1, from "
+                f"view factors of {self.patches} patches, whose {rows}, from "
                 f"{self.directions} directions"
             )
         if np.isnan(self.error):
@@ -242,8 +247,12 @@ class Sampling(NamedTuple):
     def of(self, views: ViewFactors) -> "Sampling":
         """The same with the sums of the rows of view factors."""
         sampled = np.ones(len(views.area)) if views.sampled is None else views.sampled
-        square = np.average((sampled - 1) ** 2, weights=views.area)
-        return self._replace(patches=len(views.area), row_error=float(np.sqrt(square)))
+        known = np.isfinite(sampled)
+        row_error = np.nan
+        if known.any():
+            square = np.average((sampled[known] - 1) ** 2, weights=views.area[known])
+            row_error = float(np.sqrt(square))
+        return self._replace(patches=len(views.area), row_error=row_error)
 
 
 @stored_search("refined_view_factors", (ViewFactors, Sampling))
