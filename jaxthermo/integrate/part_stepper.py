@@ -2,14 +2,18 @@
 
 The stages of a step are as many as the stiffest node requires. Where no heat flows
 between some bodies and others, the others need not follow: a small rim of aluminium
-then costs a large and slow ground nothing.
+then costs a large and slow ground nothing. Nor need they follow where shorter steps are
+taken for the error in time of a part, see `run.time_error`.
 """
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
+from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ..scene.compile.independent_parts import independent_groups, program_of
@@ -45,6 +49,8 @@ class PartStepper(AbstractStepper):
     groups: tuple[tuple[int, ...], ...] = eqx.field(static=True)
     """Numbers of the groups of each part."""
     steppers: tuple[RKL2Stepper, ...]
+    takes_steps: Bool[Any, " parts"] | None = None
+    """False for each part that keeps its state; None where all parts take steps."""
 
     @property
     @override
@@ -60,15 +66,34 @@ class PartStepper(AbstractStepper):
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
         theta = list(state.theta)
         ledger = state.ledger
-        for groups, stepper in zip(self.groups, self.steppers, strict=True):
+        for number, groups in enumerate(self.groups):
             start_state = RunState(tuple(theta[group] for group in groups), ledger)
-            new_state = stepper.step(
-                program_of(program, groups), start_state, start, dt
-            )
+            new_state = self._step_of(number, program, start_state, start, dt)
             ledger = new_state.ledger
             for group, values in zip(groups, new_state.theta, strict=True):
                 theta[group] = values
         return RunState(tuple(theta), ledger, state.solver_state)
+
+    def _step_of(
+        self,
+        number: int,
+        program: Program,
+        state: RunState,
+        start: Float[Array, ""],
+        dt: Float[Array, ""],
+    ) -> RunState:
+        """Return the state of one part after a step, if it takes steps."""
+        take_step = partial(
+            self.steppers[number].step,
+            program_of(program, self.groups[number]),
+            start=start,
+            dt=dt,
+        )
+        if self.takes_steps is None:
+            return take_step(state)
+        return jax.lax.cond(
+            self.takes_steps[number], take_step, lambda state: state, state
+        )
 
 
 def in_parts(

@@ -19,11 +19,11 @@ from ...parallel.processes import wait_for_all
 from ..stepper import RunState
 from .plan import Plan
 from .segments import RunProgress
-from .time_error import Passes, TimeError
+from .time_error import PartError, Passes, TimeError
 
 
 _KIND = "checkpoint"
-_VERSION = 3
+_VERSION = 4
 _NEW = ".new"
 
 
@@ -53,11 +53,10 @@ def save_checkpoint(path: Path, plan: Plan, progress: RunProgress, key: str) -> 
         ]
     )
     arrays["part"] = np.array([jax.process_index(), jax.process_count()])
-    # A pass without a difference has none, and no error either.
-    numbers = []
-    if passes.difference is not None and passes.error is not None:
-        numbers = [passes.difference, passes.error.kelvin, passes.error.limit]
+    # The first pass has no error.
+    numbers = [] if passes.error is None else passes.error[:2]
     arrays["error"] = np.array(numbers, float)
+    arrays["parts"] = np.array(passes.part_errors, float)
     arrays["cause"] = np.array("" if passes.error is None else passes.error.cause)
     arrays["finished"] = np.array(passes.finished)
     # Replaced in one step: an interruption while writing leaves the old checkpoint.
@@ -140,10 +139,13 @@ def load_checkpoint(
         leaves, tree = jax.tree.flatten(template)
         loaded = [jnp.asarray(first_archive[f"leaf{i}"]) for i in range(len(leaves))]
         theta = _states(plan, state, archives)
-        difference = None
+        part_errors = tuple(
+            PartError(difference, kelvin, stagnates=bool(stagnates), holds=bool(holds))
+            for difference, kelvin, stagnates, holds in first_archive["parts"].tolist()
+        )
         error = None
         if len(first_archive["error"]):
-            difference, kelvin, limit = first_archive["error"].tolist()
+            kelvin, limit = first_archive["error"].tolist()
             error = TimeError(kelvin, limit=limit, cause=str(first_archive["cause"]))
         finished = bool(first_archive["finished"])
     # Damaged, or the user's own file of the same name.
@@ -162,7 +164,7 @@ def load_checkpoint(
     passes = Passes(
         number=number,
         rows=previous_rows,
-        difference=difference,
+        part_errors=part_errors,
         error=error,
         finished=finished,
     )

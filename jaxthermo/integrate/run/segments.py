@@ -18,11 +18,12 @@ from ...progress import Progress, duration
 from ...scene.compile.program import Program, State
 from ..stepper import LoopArguments, RunState, in_place
 from .made_solution import make_solution
+from .part_values import PartNumbers
 from .plan import Plan, initial_state, observation_time, window_of
 from .schedule import Interval
 from .solution import Observation, Solution, observe
 from .step_loop import Span, advance
-from .time_error import Passes, of_pass
+from .time_error import Passes
 
 
 class RunProgress(NamedTuple):
@@ -57,7 +58,7 @@ class RunProgress(NamedTuple):
 def begin_run(plan: Plan, passes: Passes | None = None) -> RunProgress:
     """Return the progress of a pass, the first if None, that has not taken a step."""
     passes = Passes() if passes is None else passes
-    state = initial_state(of_pass(plan, passes.number))
+    state = initial_state(passes.running(plan))
     initial = observe(plan.compiled.program, state, None)
     return RunProgress(
         interval=0,
@@ -71,7 +72,7 @@ def begin_run(plan: Plan, passes: Passes | None = None) -> RunProgress:
 
 def _running(plan: Plan, progress: RunProgress) -> Plan:
     """Return the plan of the pass that is running."""
-    return of_pass(plan, progress.passes.number)
+    return progress.passes.running(plan)
 
 
 def _continued(plan: Plan, progress: RunProgress, steps: int) -> RunState:
@@ -190,7 +191,8 @@ def shown_segments(
 def _next_pass(plan: Plan, progress: RunProgress) -> RunProgress:
     """Return the start of the next pass, or the end of the run if there is none."""
     assert plan.control is not None
-    passes = progress.passes.after(_stacked(progress.observations), plan.control)
+    rows = _stacked(progress.observations)
+    passes = progress.passes.after(rows, plan.control, PartNumbers.of(plan))
     if passes.finished:
         return progress._replace(passes=passes, observations=())
     return begin_run(plan, passes)

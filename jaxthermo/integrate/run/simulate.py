@@ -19,6 +19,7 @@ from ..stepper import LoopArguments, RunState, in_place
 from . import segments
 from .fixed_steps import take_fixed_steps
 from .made_solution import make_solution
+from .part_values import PartNumbers
 from .plan import (
     Plan,
     StepTable,
@@ -34,7 +35,7 @@ from .solution import (
     saved_rows,
 )
 from .step_loop import steps_of, take_row
-from .time_error import Passes, of_pass
+from .time_error import Passes
 
 
 def simulate(
@@ -142,7 +143,7 @@ def run_plan(plan: Plan, takes_steps: bool = True) -> Solution:
     passes = Passes()
     # One pass, or under error control passes of shorter and shorter steps.
     while not passes.finished:
-        running = of_pass(plan, passes.number)
+        running = passes.running(plan)
         state = initial_state(running)
         blocks = step_blocks(running, takes_steps)
         observations = []
@@ -160,8 +161,8 @@ def run_plan(plan: Plan, takes_steps: bool = True) -> Solution:
         rows = saved_rows(observations, [block.saved_rows for block in blocks])
         if plan.control is None or not takes_steps:
             return make_solution(running, rows)
-        passes = passes.after(rows, plan.control)
-    return make_solution(of_pass(plan, passes.number), passes.rows, passes.error)
+        passes = passes.after(rows, plan.control, PartNumbers.of(plan))
+    return make_solution(passes.running(plan), passes.rows, passes.error)
 
 
 def take_steps(arguments: LoopArguments, theta: State) -> tuple[RunState, Observation]:

@@ -6,13 +6,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 import jaxthermo as jt
+from jaxthermo.arrays import precision
 from jaxthermo.integrate import part_stepper
 from jaxthermo.integrate.explicit import RKL2Stepper
 from jaxthermo.integrate.heat_rates import add_loads
 from jaxthermo.integrate.part_stepper import PartStepper, stage_parts
+from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
+from jaxthermo.integrate.run.simulate import run_plan
+from jaxthermo.integrate.run.time_error import of_pass
 from jaxthermo.scene.compile.independent_parts import (
     independent_groups,
     program_of,
@@ -228,3 +234,75 @@ def test_derivatives_pass_through_parts(bodies):
     difference = mean_and_gradient(rise + step)[0] - mean_and_gradient(rise - step)[0]
     _, gradient = mean_and_gradient(rise)
     np.testing.assert_allclose(gradient, difference / (2 * step), rtol=1e-7)
+
+
+LONG_END = 7200.0
+CONTROL = jt.ErrorControl(relative_error=1e-4)
+
+
+@pytest.fixture
+def controlled_plan(bodies):
+    """A run whose second part takes one pass more than the first."""
+    scene = jt.Scene(
+        bodies,
+        TERMS,
+        probes=[(1.0, 0.0, 0.0), (0.0, 0.0, 0.0)],
+        surface_outputs=["heat_flux"],
+        dtype="float64",
+    )
+    with precision("float64"):
+        return plan_run(scene, LONG_END, None, solver=CONTROL, control_error=True)
+
+
+def test_a_part_takes_no_pass_after_that_in_which_its_error_holds(controlled_plan):
+    plan = controlled_plan
+    with precision("float64"):
+        together = run_plan(plan)
+        of_passes = [run_plan(of_pass(plan, number)) for number in (2, 3)]
+        exact = np.asarray(run_plan(of_pass(plan, 6)).surface_temperature)
+    assert together.run.steps == 2**3 * plan.steps
+    surfaces = plan.compiled.program.fragments()
+    for body, (surface, of_pass_alone) in enumerate(
+        zip(surfaces, of_passes, strict=True)
+    ):
+
+        def values(solution, body=body, surface=surface):
+            energy = solution.energy.bodies[body]
+            return (
+                solution.surface_temperature[:, surface],
+                solution.heat_flux[:, surface],
+                solution.mean_temperature[:, body],
+                # The probes are in the other order.
+                solution.probe_temperature[:, 1 - body],
+                energy.stored_J,
+                energy.mechanisms,
+            )
+
+        jax.tree.map(assert_array_equal, values(together), values(of_pass_alone))
+    off = np.abs(np.asarray(together.surface_temperature) - exact).max()
+    error = together.run.time_error
+    limit = together.run.time_error_limit
+    assert error is not None and limit is not None
+    assert 0 < off <= error <= limit
+    assert np.abs(together.energy.residual_relative).max() < 1e-11
+
+
+def test_segments_and_checkpoints_know_the_parts_that_take_steps(
+    controlled_plan, tmp_path
+):
+    plan = controlled_plan
+    path = tmp_path / "checkpoint.npz"
+    with precision("float64"):
+        expected = run_plan(plan)
+        progress = begin_run(plan)
+        while not progress.passes.finished:
+            progress = next(run_segments(plan, progress))
+            save_checkpoint(path, plan=plan, progress=progress, key="key")
+            progress = load_checkpoint(
+                path, plan=plan, fresh=begin_run(plan), key="key"
+            )
+            assert progress is not None
+        solution = finish_run(plan, progress)
+    assert solution.run.time_error == expected.run.time_error
+    assert_array_equal(solution.surface_temperature, expected.surface_temperature)
+    jax.tree.map(assert_array_equal, solution.energy, expected.energy)
