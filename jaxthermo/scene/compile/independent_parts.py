@@ -29,11 +29,12 @@ def exchanging_bodies(programs: Sequence[Program]) -> Int[np.ndarray, " b"]:
 def independent_groups(programs: Sequence[Program]) -> list[tuple[int, ...]]:
     """Numbers of the groups of each part, in all programs of a scene.
 
-    A scene with air or with exchange of radiation is one part.
+    One group, and a scene with air or with exchange of radiation, is one part.
     """
     first = programs[0]
     groups = range(len(first.bodies))
-    if any(program.airs or program.enclosure is not None for program in programs):
+    has_exchange = any(p.airs or p.enclosure is not None for p in programs)
+    if len(groups) == 1 or has_exchange:
         return [tuple(groups)]
     of_body = exchanging_bodies(programs).tolist()
     pairs = []

@@ -180,11 +180,14 @@ class _TracedScene:
     """Structure of the compiled scene as a pytree."""
     leaves: tuple[Any, ...]
     """Its leaves; None for those that depend on the numbers."""
+    places: tuple[int, ...]
+    """Place of each of these among the constants and the results of the program."""
 
     def __call__(self, numbers: list[Float[np.ndarray, "..."]]) -> Compiled:
         """Return the compiled scene with these numbers."""
         arguments = _stacked(numbers, self.batches)
-        computed = iter(self.program(self.constants, arguments))
+        arrays = [*self.constants, *self.program(self.constants, arguments)]
+        computed = iter([arrays[place] for place in self.places])
         return self.outline.unflatten(
             [next(computed) if leaf is None else leaf for leaf in self.leaves]
         )
@@ -253,8 +256,14 @@ def _traced(
         closed.jaxpr, [True] * len(closed.jaxpr.outvars), instantiate=True
     )
 
+    # Of constants, and of results that are several leaves, XLA would return copies.
+    distinct = {id(var): var for var in (*jaxpr.constvars, *jaxpr.outvars)}
+    place_of = {key: place for place, key in enumerate(distinct)}
+    results = list(distinct.values())[len(jaxpr.constvars) :]
+    with_results = jaxpr.replace(outvars=results)
+
     def program(constants: list[Array], values: list[Any]) -> list[Any]:
-        return jax.core.eval_jaxpr(jaxpr, constants, *values)
+        return jax.core.eval_jaxpr(with_results, constants, *values)
 
     constants = jax.device_put(list(itertools.compress(closed.consts, used)))
     whole = jax.jit(program, keep_unused=True)
@@ -267,6 +276,7 @@ def _traced(
         batches=batches,
         outline=outlines[0],
         leaves=tuple(known),
+        places=tuple(place_of[id(var)] for var in jaxpr.outvars),
     )
 
 
