@@ -106,7 +106,15 @@ def surface_heat(
     )
 
 
-class Program(Module):
+def _static_field(**options: Any) -> Any:
+    """Field of a dataclass that is no array, so that compiled programs compare it."""
+    return field(metadata={"static": True}, **options)
+
+
+# A plain dataclass: each new module is searched for arrays, its ledger entries too.
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Program:
     """All that the solver needs, and nothing else."""
 
     bodies: tuple[BodyProgram, ...]
@@ -127,8 +135,8 @@ class Program(Module):
     probes: tuple[BodyProbes, ...]
     surface_heat: SurfaceHeat | None
     """Outputs for every fragment; None for none."""
-    entries: LedgerEntries = eqx.field(static=True)
-    sampled: bool = eqx.field(static=True)
+    entries: LedgerEntries = _static_field()
+    sampled: bool = _static_field()
     """True if some value changes at times at which steps do not end."""
 
     @property
@@ -360,11 +368,6 @@ class Program(Module):
             received = self.fine_enclosure.irradiation(time, radiating)
             terms = terms.irradiated(received)
         return terms, joined
-
-
-def _static_field(**options: Any) -> Any:
-    """Field of a dataclass that is no array, so that compiled programs compare it."""
-    return field(metadata={"static": True}, **options)
 
 
 # A plain dataclass: methods of modules are pytrees, which takes long for large ones.
