@@ -30,6 +30,8 @@ class Occluder:
     """Places of its bodies in the frame of the first, as numbers to compare."""
     bodies: tuple[int, ...] = ()
     """Numbers of its bodies in the scene."""
+    moves: bool = False
+    """True if it is elsewhere at other times."""
 
     @classmethod
     def of_triangles(cls, triangles: Float[np.ndarray, "f 3 3"]) -> "Occluder":
@@ -43,6 +45,7 @@ class Occluder:
         poses: tuple[Pose, ...],
         triangles: Sequence[Float[np.ndarray, "_ 3 3"]],
         bodies: tuple[int, ...],
+        moves: bool,
     ) -> "Occluder":
         """The occluder of bodies at poses, with the triangles of each in the world."""
         first = poses[0]
@@ -54,6 +57,7 @@ class Occluder:
             # One value, whose hash Python keeps: every group of bodies compares it.
             places=repr([first.relative_key(pose, length) for pose in poses]).encode(),
             bodies=bodies,
+            moves=moves,
         )
 
     def place_from(self, pose: Pose, length: float) -> tuple[tuple, bytes]:

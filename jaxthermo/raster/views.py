@@ -1,6 +1,6 @@
 """Views: directions, and orthographic and perspective rays through pixels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +58,14 @@ class OrthographicView:
             normal=np.concatenate([across, -across]),
             offset=np.concatenate([first, -last]),
         )
+
+    def around(self, points: Float[np.ndarray, "n 3"]) -> "OrthographicView":
+        """The view of all pixels of the same grid around world points [m]."""
+        at = self.project(points)[:, :2]
+        low = np.floor(at.min(axis=0))
+        width, height = (np.ceil(at.max(axis=0)) - low).astype(int).clip(1)
+        corner = self.corner + self.pitch * np.append(low, 0)
+        return replace(self, corner=corner, width=int(width), height=int(height))
 
     def peel(self, triangles: Float[np.ndarray, "f 3 3"]) -> DepthLayers:
         """Depth layers of world triangles [m] in this view."""

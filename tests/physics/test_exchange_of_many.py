@@ -234,7 +234,7 @@ def test_view_factors_are_kept_by_content(monkeypatch, tmp_path):
         return refined_view_factors((in_patches(grid, 60),), 0.01)
 
     views, sampling = traced_views()
-    monkeypatch.setattr(view_factors, "sample_all_directions", None)
+    monkeypatch.setattr(view_factors, "sample_around_motion", None)
     again, sampling_again = traced_views()
     assert sampling_again == sampling
     assert_array_equal(again.between.toarray(), views.between.toarray())

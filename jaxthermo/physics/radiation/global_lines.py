@@ -22,7 +22,7 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
 from ...geometry.mesh import Pose
@@ -67,10 +67,17 @@ class LineSums(NamedTuple):
         return np.where(total > 0, free / np.where(total > 0, total, 1.0), 1.0)
 
 
+def _half(directions: int) -> int:
+    # A line counts both ways, so that half of the directions are enough, rounded up.
+    return (directions + 1) // 2
+
+
 class Bundle(NamedTuple):
     """Parallel lines at one distance from each other."""
 
     number: int
+    bodies: tuple[int, ...]
+    """Numbers of its bodies in the scene."""
     points: Float[np.ndarray, "n 3"]
     """Corners of the hull that the lines must surround, world [m]."""
     pixel: float
@@ -87,6 +94,15 @@ class Bundle(NamedTuple):
         thinned = self.pixel * np.sqrt(max(directions / _DENSE_DIRECTIONS, 1.0))
         return max(self.pixel, min(thinned, self.widest))
 
+    def weight(self, directions: int) -> float:
+        """Area A_i F_ij of each line, of a number of directions [m^2]."""
+        return 2 / _half(directions) * self.spacing(directions) ** 2
+
+    def views(self, directions: int) -> Iterator[OrthographicView]:
+        """Views along all directions."""
+        ahead = half_sphere_directions(_half(directions))
+        return displaced_views(self.points, ahead, self.spacing(directions))
+
     def hits(self, directions: int) -> float:
         """Surfaces that the lines of all directions meet, about."""
         # Seen from all directions, the mean area of a surface is half its own; a line
@@ -94,7 +110,7 @@ class Bundle(NamedTuple):
         return directions / 2 * self.area / 2 / self.spacing(directions) ** 2
 
 
-class _Bundles(NamedTuple):
+class Bundles(NamedTuple):
     """Bundles of lines for the bodies of a scene, the widest first."""
 
     bundles: list[Bundle]
@@ -102,7 +118,7 @@ class _Bundles(NamedTuple):
     """Bundle that counts what each patch exchanges with patches of no later bundle."""
 
 
-def bundles_of(scene: LineScene, lines: int | None) -> _Bundles:
+def bundles_of(scene: LineScene, lines: int | None) -> Bundles:
     """Bundles of lines of a scene; `lines` as in `sample_all_directions`."""
     return found(
         (scene.vertices,),
@@ -111,7 +127,7 @@ def bundles_of(scene: LineScene, lines: int | None) -> _Bundles:
     )
 
 
-def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> _Bundles:
+def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> Bundles:
     """One bundle for all bodies of similar patches, and one for each finer body."""
     pixel = np.array([body.line_spacing(lines) for body in bodies])
     is_fine = pixel < _FINE * pixel.max()
@@ -128,6 +144,7 @@ def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> _Bundles:
         area = sum(float(body.patches.area.sum()) for body in together)
         lines_of_group = Bundle(
             number=len(bundles),
+            bodies=tuple(map(int, group)),
             points=outline(points),
             pixel=_dense(narrowest, area, lines),
             area=area,
@@ -135,7 +152,7 @@ def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> _Bundles:
         )
         bundles.append(lines_of_group)
     counts = [body.patches.count for body in bodies]
-    return _Bundles(bundles=bundles, of_patch=np.repeat(bundle, counts))
+    return Bundles(bundles=bundles, of_patch=np.repeat(bundle, counts))
 
 
 # Distance of a body's own lines from each other, over that of the widest, below which
@@ -165,11 +182,14 @@ def _counted(
 
 
 def _segments(
-    scene: LineScene, views: Iterator[OrthographicView], at_once: int
-) -> Iterator[Segments]:
+    scene: LineScene,
+    views: Iterator[OrthographicView],
+    at_once: int,
+    left_out: Bool[np.ndarray, " f"] | None = None,
+) -> Iterator[tuple[Segments, ...]]:
     """Lines of views, a number of them drawn at once, in their order."""
     threads = os.cpu_count() or 1
-    trace = partial(segments_along, scene)
+    trace = partial(segments_along, scene, left_out=left_out)
     with ThreadPoolExecutor(threads) as pool:
         # Only lines of a few drawings at a time are kept.
         while batches := [
@@ -187,46 +207,58 @@ def sample_all_directions(
 
     A view has `lines` lines across each body, or two across each patch if it is None.
     """
-    # A line counts both ways, so that half of the directions are enough, rounded up.
-    bundles, of_patch = bundles_of(scene, lines)
-    half = (directions + 1) // 2
-    ahead = half_sphere_directions(half)
-    totals = LineSums(
-        pairs=csr_array((scene.count, scene.count)),
-        sky=np.zeros(scene.count),
-        ground=np.zeros(scene.count),
-    )
-    for bundle in bundles:
-        pixel = bundle.spacing(directions)
-        weight = 2 / half * pixel * pixel
-        waiting: list[Segments] = []
-        waiting_lines = 0
-        extent = float(np.linalg.norm(np.ptp(bundle.points, axis=0)))
+    return sample_bundles(scene, bundles_of(scene, lines), directions)
+
+
+def sample_bundles(scene: LineScene, bundles: Bundles, directions: int) -> LineSums:
+    """The same along the lines of some bundles."""
+    sums = _WaitingSums(scene.count)
+    for bundle in bundles.bundles:
         # Several views of a small scene at once: each call has a cost of its own. A
         # view of a part of the scene is one of its own, which ends at its borders.
-        pixels = (extent / pixel + 2) ** 2
-        at_once = int(min(_MAX_TRIANGLES // len(scene.faces), _MAX_PIXELS // pixels))
-        at_once = max(1, min(_MAX_VIEWS, at_once)) if len(bundles) == 1 else 1
-        views = displaced_views(bundle.points, ahead, pixel)
+        at_once = 1
+        if len(bundles.bundles) == 1:
+            at_once = _views_at_once(scene, bundle, directions)
+        views = bundle.views(directions)
         for segments in _segments(scene, views, at_once):
-            # A single bundle counts all lines.
-            if len(bundles) > 1:
-                segments = _of_bundle(segments, of_patch, bundle)
-            waiting.append(segments)
-            waiting_lines += len(segments.start)
-            if waiting_lines > _MAX_WAITING:
-                totals = _added(totals, waiting, weight)
-                waiting = []
-                waiting_lines = 0
-        totals = _added(totals, waiting, weight)
-    return totals
+            sums.add(_of_bundle(segments[0], bundles, bundle), bundle, directions)
+    return sums.total()
 
 
-def _of_bundle(
-    segments: Segments, of_patch: Int[np.ndarray, " p"], bundle: Bundle
-) -> Segments:
+def sample_changes(
+    scene: LineScene,
+    bundles: Bundles,
+    directions: int,
+    moving: tuple[int, ...],
+) -> tuple[LineSums, LineSums]:
+    """The same with and without some bodies, on the lines around these alone."""
+    moving_points = np.concatenate([scene.bodies[n].vertices for n in moving])
+    through = outline(moving_points)
+    left_out = np.isin(scene.body, moving)
+    both = _WaitingSums(scene.count), _WaitingSums(scene.count)
+    for bundle in bundles.bundles:
+        views = (view.around(through) for view in bundle.views(directions))
+        for pair in _segments(scene, views, at_once=1, left_out=left_out):
+            for sums, segments in zip(both, pair, strict=True):
+                sums.add(_of_bundle(segments, bundles, bundle), bundle, directions)
+    return both[0].total(), both[1].total()
+
+
+def _views_at_once(scene: LineScene, bundle: Bundle, directions: int) -> int:
+    """Number of views that are drawn at once."""
+    extent = float(np.linalg.norm(np.ptp(bundle.points, axis=0)))
+    pixels = (extent / bundle.spacing(directions) + 2) ** 2
+    most = int(min(_MAX_TRIANGLES // len(scene.faces), _MAX_PIXELS // pixels))
+    return max(1, min(_MAX_VIEWS, most))
+
+
+def _of_bundle(segments: Segments, bundles: Bundles, bundle: Bundle) -> Segments:
     """Lines that a bundle counts: those from and to its own patches."""
+    # A single bundle counts all lines.
+    if len(bundles.bundles) == 1:
+        return segments
     # Two patches exchange along the lines of the finer bundle of both.
+    of_patch = bundles.of_patch
     later = np.maximum(of_patch[segments.start], of_patch[segments.end])
     counts = later == bundle.number
     return Segments(
@@ -235,6 +267,37 @@ def _of_bundle(
         sky=segments.sky[of_patch[segments.sky] == bundle.number],
         ground=segments.ground[of_patch[segments.ground] == bundle.number],
     )
+
+
+class _WaitingSums:
+    """Sums over lines, many of which are counted at once."""
+
+    def __init__(self, count: int):
+        self._total = LineSums(
+            pairs=csr_array((count, count)), sky=np.zeros(count), ground=np.zeros(count)
+        )
+        self._waiting: list[Segments] = []
+        self._lines = 0
+        self._weight = 0.0
+
+    def add(self, segments: Segments, bundle: Bundle, directions: int) -> None:
+        """Add the lines of one view of a bundle."""
+        weight = bundle.weight(directions)
+        if weight != self._weight or self._lines > _MAX_WAITING:
+            self._count()
+            self._weight = weight
+        self._waiting.append(segments)
+        self._lines += len(segments.start)
+
+    def total(self) -> LineSums:
+        """The sums of all lines so far."""
+        self._count()
+        return self._total
+
+    def _count(self) -> None:
+        self._total = _added(self._total, self._waiting, self._weight)
+        self._waiting = []
+        self._lines = 0
 
 
 def _added(totals: LineSums, batches: list[Segments], weight: float) -> LineSums:
@@ -323,7 +386,7 @@ def sample_pair(
     starts = []
     ends = []
     views = displaced_views(cone.small, ahead, pixel)
-    for start, end, _, _ in _segments(scene, views, at_once=1):
+    for ((start, end, _, _),) in _segments(scene, views, at_once=1):
         between = (number[start] == cone.pair[0]) & (number[end] == cone.pair[1])
         starts.append(start[between])
         ends.append(end[between])

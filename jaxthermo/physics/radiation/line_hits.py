@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 from ...arrays import linear_map
 from ...geometry.mesh import Pose, joined
 from ...geometry.vectors import triangle_normals
+from ...raster.bounding_spheres import BoundingSpheres
 from ...raster.fragments import DepthLayers, peel_mesh
 from ...raster.views import OrthographicView, orthographic_view
 from ...voxels.cavities import Cavities
@@ -28,6 +29,7 @@ class LineScene(NamedTuple):
     bodies: tuple[PatchedBody, ...]
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
+    corners: Float[np.ndarray, "f 3 3"]
     normal: Float[np.ndarray, "f 3"]
     body: Int[np.ndarray, " f"]
     is_thin: Bool[np.ndarray, " f"]
@@ -57,6 +59,7 @@ class LineScene(NamedTuple):
             bodies=bodies,
             vertices=vertices,
             faces=faces,
+            corners=corners,
             normal=normal,
             body=np.repeat(np.arange(len(bodies)), face_counts),
             is_thin=np.repeat(is_thin, face_counts),
@@ -113,6 +116,8 @@ class _Strip(NamedTuple):
 
     def peel(self, scene: LineScene) -> DepthLayers:
         """Depth layers of the scene in all views; triangles of one after the other."""
+        if len(self.views) == 1:
+            return _peeled(self.views[0], scene)
         down = np.array([0.0, 1.0, 0.0])
         pairs = zip(self.views, self.start, strict=True)
         points = [view.project(scene.vertices) + start * down for view, start in pairs]
@@ -141,6 +146,23 @@ class _Strip(NamedTuple):
             points[first:end] = linear_map(local, view.frame)
             first = end
         return points
+
+
+def _peeled(view: OrthographicView, scene: LineScene) -> DepthLayers:
+    """Depth layers of the scene in a view, which may show a part of it."""
+    spaces = view.half_spaces(
+        low=np.array([0, 0]), high=np.array([view.width, view.height])
+    )
+    over = BoundingSpheres.of(scene.corners).reaching_into(spaces)
+    if len(over) == len(scene.faces):
+        return peel_mesh(
+            view.project(scene.vertices),
+            faces=scene.faces,
+            width=view.width,
+            height=view.height,
+        )
+    layers = view.peel(scene.corners[over])
+    return replace(layers, triangle=over[layers.triangle])
 
 
 def _strip(views: Sequence[OrthographicView]) -> _Strip:
@@ -266,7 +288,7 @@ def _is_false(
     start = np.flatnonzero(gap & same_body & ~is_false)
     if not len(start):
         return is_false
-    corners = scene.vertices[scene.faces]
+    corners = scene.corners
     for near, far in ((start, start + 1), (start + 1, start)):
         triangle = hits.triangle[near]
         sign = np.where(hits.is_behind[near], -1.0, 1.0)
@@ -317,9 +339,25 @@ class Segments(NamedTuple):
     ground: Int[np.ndarray, " d"]
 
 
-def segments_along(scene: LineScene, views: Sequence[OrthographicView]) -> Segments:
-    """Lines of some views; several views must each show the whole scene."""
+def segments_along(
+    scene: LineScene,
+    views: Sequence[OrthographicView],
+    left_out: Bool[np.ndarray, " f"] | None = None,
+) -> tuple[Segments, ...]:
+    """Lines of some views; several views must each show the whole scene.
+
+    With flags of faces that are `left_out`, also the lines without these.
+    """
     hits = _hits(_strip(views), scene)
+    if left_out is None:
+        return (_segments_between(scene, hits),)
+    stays = ~left_out[hits.triangle]
+    others = _Hits(*(values[stays] for values in hits))
+    return _segments_between(scene, hits), _segments_between(scene, others)
+
+
+def _segments_between(scene: LineScene, hits: _Hits) -> Segments:
+    """Lines from each surface that is met to the next one."""
     same = hits.pixel[1:] == hits.pixel[:-1]
     enters = hits.enters
     # Consecutive hits of a line face each other across empty space where the first

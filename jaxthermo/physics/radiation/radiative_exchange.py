@@ -184,15 +184,21 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
     ) -> "_SampledViews":
         options = (self.max_patches, self.directions, self.error, self.max_directions)
         poses = tuple(b.pose.key for b in bodies)
+        occluders = bodies[0].occluders
+        at_rest = tuple(n for o in occluders if not o.moves for n in o.bodies)
+        content = poses, at_rest, tuple(digest(area) for area in areas)
         return found(
             tuple(b.grid for b in bodies),
-            by=("view_factors", options, poses, tuple(digest(area) for area in areas)),
-            find=lambda: self._sampled_views(bodies, areas),
+            by=("view_factors", options, *content),
+            find=lambda: self._sampled_views(bodies, areas, at_rest),
             search="view factors",
         )
 
     def _sampled_views(
-        self, bodies: tuple[BodySurface, ...], areas: list[Float[np.ndarray, " _"]]
+        self,
+        bodies: tuple[BodySurface, ...],
+        areas: list[Float[np.ndarray, " _"]],
+        at_rest: tuple[int, ...],
     ) -> "_SampledViews":
         patched = []
         numbers = []
@@ -207,10 +213,13 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
             first += patches.count
         if self.directions is None:
             views, sampling = refined_view_factors(
-                tuple(patched), error=self.error, max_directions=self.max_directions
+                tuple(patched),
+                error=self.error,
+                max_directions=self.max_directions,
+                at_rest=at_rest,
             )
         else:
-            views = view_factors(tuple(patched), self.directions)
+            views = view_factors(tuple(patched), self.directions, at_rest=at_rest)
             sampling = Sampling(self.directions, error=np.nan, limit=self.error)
             sampling = sampling.of(views)
         return _SampledViews(views, sampling=sampling, patch=np.concatenate(numbers))

@@ -28,10 +28,10 @@ from .global_lines import (
     LineSums,
     PairCone,
     pair_cone,
-    sample_all_directions,
     sample_pair,
 )
 from .line_hits import LineScene
+from .lines_at_rest import sample_around_motion
 from .patches import PatchedBody
 from .sampling_cost import SamplingCost
 
@@ -76,12 +76,14 @@ def view_factors(
     bodies: tuple[PatchedBody, ...],
     directions: int = DEFAULT_DIRECTIONS,
     lines: int | None = None,
+    at_rest: tuple[int, ...] = (),
 ) -> ViewFactors:
     """View factors between the patches of any number of bodies of any shape.
 
     `directions` views of the scene, and of each pair of bodies that are apart if these
     are few, have `lines` lines across each body, or two across a patch if it is None.
-    All bodies are obstacles.
+    All bodies are obstacles. Those of the numbers `at_rest` are at the same place in
+    other calls, which share their lines.
 
     Raises:
         InputError: for fewer than 8 directions or lines, or too little memory.
@@ -93,7 +95,7 @@ def view_factors(
         )
     scene = LineScene.of_bodies(bodies)
     SamplingCost.of_scene(scene, lines).require(directions)
-    sums = sample_all_directions(scene, directions, lines)
+    sums = sample_around_motion(scene, at_rest, directions, lines)
     pairs = list(combinations(range(len(bodies)), 2))
     cones = []
     if len(pairs) <= _MAX_CONES:
@@ -261,8 +263,11 @@ def refined_view_factors(
     error: float,
     max_directions: int = DEFAULT_MAX_DIRECTIONS,
     lines: int | None = None,
+    at_rest: tuple[int, ...] = (),
 ) -> tuple[ViewFactors, Sampling]:
     """View factors with an estimated relative error of at most `error`, if possible.
+
+    `at_rest` as in `view_factors`.
 
     Raises:
         InputError: for too little memory.
@@ -281,7 +286,7 @@ def refined_view_factors(
     def shared(count: int) -> LineSums:
         sampled.append(count)
         clock = time.perf_counter()
-        sums = sample_all_directions(line_scene, count, lines)
+        sums = sample_around_motion(line_scene, at_rest, count, lines)
         if count == _FIRST:
             seconds = time.perf_counter() - clock
             cost.tell(count, seconds=seconds, least=least, most=affordable)

@@ -94,6 +94,11 @@ def take_snapshots(
         poses_at, min(body.structure.grid.pitch for body in surfaced)
     )
 
+    moving = tuple(
+        any(poses[group[0]] is not poses_at[0][group[0]] for poses in poses_at)
+        for group in together
+    )
+
     @once
     def at_rest(*poses: Pose) -> _AtRest:
         return _at_rest(
@@ -101,6 +106,7 @@ def take_snapshots(
             prepared=prepared,
             poses=poses,
             together=together,
+            moving=moving,
             temperatures=temperatures,
             end=end,
             prune=is_single,
@@ -141,6 +147,7 @@ def _at_rest(
     prepared: tuple[PreparedGroup, ...],
     poses: tuple[Pose, ...],
     together: tuple[tuple[int, ...], ...],
+    moving: tuple[bool, ...],
     temperatures: Forcing | None,
     end: float | int,
     prune: bool,
@@ -156,6 +163,7 @@ def _at_rest(
         surfaced,
         poses=poses,
         together=together,
+        moving=moving,
         covered=contacts.covered,
         dtype=np.dtype(scene.dtype),
         prune=prune,
@@ -204,6 +212,7 @@ def _body_surfaces(
     bodies: tuple[Body, ...],
     poses: tuple[Pose, ...],
     together: tuple[tuple[int, ...], ...],
+    moving: tuple[bool, ...],
     covered: list[Float[np.ndarray, " _"] | None],
     dtype: Any,
     prune: bool,
@@ -219,8 +228,9 @@ def _body_surfaces(
             poses=tuple(poses[number] for number in group),
             triangles=[placed[number].triangles for number in group],
             bodies=group,
+            moves=moves,
         )
-        for group in together
+        for group, moves in zip(together, moving, strict=True)
     )
     enclosing = enclosing_bodies(
         grids,

@@ -4,8 +4,9 @@ from collections import Counter
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.physics.convection.film import FilmExchange
@@ -168,3 +169,36 @@ def test_rates_that_limit_the_step_are_those_of_one_snapshot(grid, monkeypatch):
         for program in moved.programs
     )
     assert float(moved.stable_step) == shortest
+
+
+def test_exchange_at_every_snapshot_is_that_of_its_scene_alone():
+    """A cube moves between two slabs, so that all lines are the same in each scene."""
+    slab = jt.FullVolume(jt.voxelize(jt.shapes.box((1.0, 1.0, 0.2)), 0.1))
+    cube = jt.FullVolume(jt.voxelize(jt.shapes.box((0.2, 0.2, 0.2)), 0.1))
+    first, last = (jt.Pose((x, 0.1, 0.5)) for x in (-0.3, 0.3))
+    motion = jt.Motion(jt.PoseTable((0.0, END), (first, last)), every=1.0)
+
+    def scene_with(pose):
+        placed = ((slab, jt.Pose()), (cube, pose), (slab, jt.Pose((0.0, 0.0, 1.0))))
+        bodies = tuple(
+            jt.Body(structure, METAL, temperature=300.0, pose=place)
+            for structure, place in placed
+        )
+        return jt.Scene(bodies, (SKY,), dtype="float64")
+
+    def factors(snapshot):
+        enclosure, _ = SKY.enclosure(snapshot.surface)
+        return jax.tree.leaves(enclosure)
+
+    scenes = snapshots_of(scene_with(motion))
+    for snapshot, start in zip(scenes, STARTS, strict=True):
+        alone = scene_with(motion.at(start + 0.5))
+        (expected,) = snapshots_of(alone, STARTS[:1])
+        for value, reference in zip(factors(snapshot), factors(expected), strict=True):
+            assert_allclose(value, reference, rtol=1e-9, atol=1e-12)
+    moved = zip(factors(scenes[0]), factors(scenes[-1]), strict=True)
+    assert any(
+        first.shape != last.shape or np.abs(np.subtract(first, last)).max() > 1e-3
+        for first, last in moved
+        if first.size
+    )
