@@ -119,11 +119,12 @@ def _stacked(programs: Sequence[Program]) -> _Stacked | None:
         *(eqx.partition(program, eqx.is_array) for program in programs), strict=True
     )
 
-    def form(leaves: Any) -> Any:
-        return jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), leaves)
+    def form(program: Any) -> Any:
+        leaves, outline = jax.tree.flatten(program)
+        return outline, [(leaf.shape, leaf.dtype) for leaf in leaves]
 
     first = form(arrays[0])
-    alike = all(form(leaves) == first for leaves in arrays[1:])
+    alike = all(form(program) == first for program in arrays[1:])
     if len(programs) == 1 or not alike or not eqx.tree_equal(*common):
         return None
     return _Stacked(jax.tree.map(lambda *rows: jnp.stack(rows), *arrays), common[0])
