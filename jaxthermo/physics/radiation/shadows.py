@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...geometry.vectors import row_dot, tangents
-from ...memo.found import found
 from ...memo.stored import stored_search
 from ...parallel.threads import in_threads
 from ...raster.views import (
@@ -79,21 +78,14 @@ def lit_fractions(sight: Sight) -> Float[np.ndarray, "*n s"]:
 
 def _samples(
     raised: Float[np.ndarray, "s 3"],
-    across: Float[np.ndarray, "2 s 3"],
+    normal: Float[np.ndarray, "s 3"],
     pitch: SquareEdge,
 ) -> Float[np.ndarray, "n 3"]:
-    """The first samples around all lifted points, then the second ones, of four.
-
-    `across` are the tangents of the points.
-    """
-    first, second = across * (_SAMPLE_RADIUS * np.reshape(pitch, (-1, 1)))
+    """The first samples around all lifted points, then the second ones, of four."""
+    radius = _SAMPLE_RADIUS * np.reshape(pitch, (-1, 1))
+    first, second = (t * radius for t in tangents(normal))
     offsets = np.stack([first, -first, second, -second])
     return (raised + offsets).reshape(-1, 3)
-
-
-def _tangents_of(normal: Float[np.ndarray, "s 3"]) -> Float[np.ndarray, "2 s 3"]:
-    """Tangents of a surface, computed once for all directions of light."""
-    return found((normal,), "tangents", lambda: np.stack(tangents(normal)))
 
 
 def _lit_bits(is_lit: Bool[np.ndarray, " n"]) -> Sight:
@@ -138,8 +130,7 @@ def _sunlit(
     view, _ = fitted_view(position[facing], frame, _shadow_pixel(pitch))
     raised = position[facing] + normal[facing] * _LIFT * view.pitch
     edge = edges_of_points(pitch, facing)
-    across = _tangents_of(normal)[:, facing]
-    at = view.project(_samples(raised, across, edge))
+    at = view.project(_samples(raised, normal[facing], edge))
     is_lit = np.ones(len(at), bool)
     window = window_of(
         view,
@@ -177,8 +168,7 @@ def lit_samples_from_point(
         size = view.pixel * view.project(position[seen])[:, 2]
         raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
         edge = edges_of_points(pitch, seen)
-        across = _tangents_of(normal)[:, seen]
-        at = view.project(_samples(raised, across, edge))
+        at = view.project(_samples(raised, normal[seen], edge))
         row, column = pixels_at(view, at)
         lit[seen] = _lit_bits(at[:, 2] <= view.nearest(triangles, row, column))
     return lit

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.geometry.vectors import tangents
 from jaxthermo.physics.radiation import shadows
 from jaxthermo.physics.radiation.shadows import Squares, lit_fractions, sunlit_samples
 from jaxthermo.physics.radiation.window import window_of
@@ -39,8 +38,7 @@ def fully_drawn(triangles, squares, direction):
     pixel = shadows._shadow_pixel(edge)
     view = orthographic_view(position[facing], direction, pixel)
     raised = position[facing] + normal[facing] * shadows._LIFT * pixel
-    across = np.stack(tangents(normal[facing]))
-    at = view.project(shadows._samples(raised, across, edge))
+    at = view.project(shadows._samples(raised, normal[facing], edge))
     row, column = pixels_at(view, at)
     nearest = nearest_depth(
         view.project(triangles),
