@@ -79,7 +79,7 @@ class _OuterShapes(NamedTuple):
     thickness: Float[np.ndarray, " s"]
     """[m]"""
     capacity: Float[np.ndarray, " s"]
-    """Of sheets, per area [J/(m^2 K)]; of solids, in volumes of material [m]."""
+    """Capacity of sheets, per area [J/(m^2 K)], and thickness of solids [m]."""
 
 
 class _OuterCells(NamedTuple):

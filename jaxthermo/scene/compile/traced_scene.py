@@ -50,7 +50,7 @@ class _LeafNumbers(NamedTuple):
     """Numbers among some leaves of a scene."""
 
     form: tuple[Hashable, ...]
-    """Of each leaf: the shape of a number, or what else it is."""
+    """Shape of each leaf that is a number, and what else the others are."""
     positions: tuple[int, ...]
     """Position of each number among the leaves."""
     values: list[Float[np.ndarray, "..."]]
