@@ -59,13 +59,19 @@ class OrthographicView:
             offset=np.concatenate([first, -last]),
         )
 
-    def around(self, points: Float[np.ndarray, "n 3"]) -> "OrthographicView":
-        """The view of all pixels of the same grid around world points [m]."""
-        at = self.project(points)[:, :2]
-        low = np.floor(at.min(axis=0))
-        width, height = (np.ceil(at.max(axis=0)) - low).astype(int).clip(1)
+    def around(self, *hulls: Float[np.ndarray, "_ 3"]) -> "OrthographicView | None":
+        """View of the pixels of the same grid that lie around each of some hulls.
+
+        Hulls are points in the world [m]; None if they have no pixel in common.
+        """
+        at = [self.project(points)[:, :2] for points in hulls]
+        low = np.max([np.floor(hull.min(axis=0)) for hull in at], axis=0)
+        high = np.min([np.ceil(hull.max(axis=0)) for hull in at], axis=0)
+        if np.any(low >= high):
+            return None
+        width, height = (high - low).astype(int).tolist()
         corner = self.corner + self.pitch * np.append(low, 0)
-        return replace(self, corner=corner, width=int(width), height=int(height))
+        return replace(self, corner=corner, width=width, height=height)
 
     def peel(self, triangles: Float[np.ndarray, "f 3 3"]) -> DepthLayers:
         """Depth layers of world triangles [m] in this view."""

@@ -78,8 +78,10 @@ class Bundle(NamedTuple):
     number: int
     bodies: tuple[int, ...]
     """Numbers of its bodies in the scene."""
-    points: Float[np.ndarray, "n 3"]
-    """Corners of the hull that the lines must surround, world [m]."""
+    hull: Float[np.ndarray, "n 3"]
+    """Corners of the hull of these, world [m]."""
+    points: Float[np.ndarray, "m 3"]
+    """Points that all of its lines surround, world [m]: its hull, or part of it."""
     pixel: float
     """Distance between lines [m]."""
     area: float
@@ -142,10 +144,12 @@ def _bundles(bodies: tuple[PatchedBody, ...], lines: int | None) -> Bundles:
         points = np.concatenate([body.vertices for body in together])
         narrowest = float(pixel[group].min())
         area = sum(float(body.patches.area.sum()) for body in together)
+        hull = outline(points)
         lines_of_group = Bundle(
             number=len(bundles),
             bodies=tuple(map(int, group)),
-            points=outline(points),
+            hull=hull,
+            points=hull,
             pixel=_dense(narrowest, area, lines),
             area=area,
             widest=narrowest if lines else _dense(np.inf, area, None),
@@ -232,16 +236,20 @@ def sample_changes(
     moving: tuple[int, ...],
 ) -> tuple[LineSums, LineSums]:
     """The same with and without some bodies, on the lines around these alone."""
-    moving_points = np.concatenate([scene.bodies[n].vertices for n in moving])
-    through = outline(moving_points)
+    moving_hull = outline(np.concatenate([scene.bodies[n].vertices for n in moving]))
     left_out = np.isin(scene.body, moving)
-    both = _WaitingSums(scene.count), _WaitingSums(scene.count)
+    with_moving = _WaitingSums(scene.count)
+    without = _WaitingSums(scene.count)
     for bundle in bundles.bundles:
-        views = (view.around(through) for view in bundle.views(directions))
+        # Lines beside its own bodies count nothing.
+        windows = (
+            view.around(moving_hull, bundle.hull) for view in bundle.views(directions)
+        )
+        views = (view for view in windows if view is not None)
         for pair in _segments(scene, views, at_once=1, left_out=left_out):
-            for sums, segments in zip(both, pair, strict=True):
+            for sums, segments in zip((with_moving, without), pair, strict=True):
                 sums.add(_of_bundle(segments, bundles, bundle), bundle, directions)
-    return both[0].total(), both[1].total()
+    return with_moving.total(), without.total()
 
 
 def _views_at_once(scene: LineScene, bundle: Bundle, directions: int) -> int:

@@ -352,8 +352,8 @@ def segments_along(
     if left_out is None:
         return (_segments_between(scene, hits),)
     stays = ~left_out[hits.triangle]
-    others = _Hits(*(values[stays] for values in hits))
-    return _segments_between(scene, hits), _segments_between(scene, others)
+    remaining = _Hits(*(values[stays] for values in hits))
+    return _segments_between(scene, hits), _segments_between(scene, remaining)
 
 
 def _segments_between(scene: LineScene, hits: _Hits) -> Segments:

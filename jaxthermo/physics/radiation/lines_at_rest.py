@@ -83,21 +83,22 @@ def sample_around_motion(
         return sample_all_directions(scene, directions, lines)
     bundles = _around_resting(bundles_of(scene, lines), scene, at_rest)
     resting = _AtRest.of(scene, at_rest, bundles)
-    content = resting.scene.bodies, tuple(resting.bundles.bundles), directions
+    placed = [(b.points, b.spacing(directions)) for b in resting.bundles.bundles]
+    content = resting.scene.bodies, tuple(placed), directions
     alone = found(
         (),
         by=("lines at rest", content_hash(content)),
         find=lambda: sample_bundles(resting.scene, resting.bundles, directions),
     )
-    changed, before = sample_changes(scene, bundles, directions, moving)
-    unchanged = jax.tree.map(_less, resting.among_all(alone, scene.count), before)
-    return jax.tree.map(operator.add, unchanged, changed)
+    around, alone_around = sample_changes(scene, bundles, directions, moving)
+    alone = resting.among_all(alone, scene.count)
+    return jax.tree.map(operator.add, jax.tree.map(_less, alone, alone_around), around)
 
 
-def _less(whole: Any, part: Any) -> Any:
+def _less(sums: Any, crossing: Any) -> Any:
     """Sums less those of some of their lines; not below 0, which is rounding."""
-    rest = whole - part
-    return rest.maximum(0) if isinstance(rest, csr_array) else np.maximum(rest, 0)
+    free = sums - crossing
+    return free.maximum(0) if isinstance(free, csr_array) else np.maximum(free, 0)
 
 
 def _around_resting(

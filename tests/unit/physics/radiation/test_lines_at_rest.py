@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.physics.radiation import lines_at_rest
-from jaxthermo.physics.radiation.global_lines import sample_all_directions
+from jaxthermo.physics.radiation.global_lines import bundles_of, sample_all_directions
 from jaxthermo.physics.radiation.line_hits import LineScene
 from jaxthermo.physics.radiation.lines_at_rest import sample_around_motion
 from tests.radiating import in_patches, moved
@@ -38,6 +38,19 @@ def test_lines_around_a_moving_body_are_those_of_the_whole_scene(mover):
     assert_allclose(around.sky, whole.sky, atol=1e-12)
     assert_allclose(around.ground, whole.ground, atol=1e-12)
     assert whole.pairs.sum() > 0.2
+
+
+def test_a_coarse_body_moves_past_a_finer_one():
+    """The finer body at rest has lines of its own, which stay around it."""
+    placed = ((SLAB, (0.0, 0.0, 0.0)), (CUBE, INSIDE), (TINY, (0.3, 0.2, 0.5)))
+    bodies = [in_patches(grid, 24, moved(*place)) for grid, place in placed]
+    bodies.append(in_patches(SLAB, 24, moved(0.0, 0.0, 1.0)))
+    scene = LineScene.of_bodies(tuple(bodies))
+    assert len(bundles_of(scene, None).bundles) == 2
+    around = sample_around_motion(scene, (0, 2, 3), directions=32, lines=None)
+    whole = sample_all_directions(scene, 32, None)
+    assert_allclose(around.pairs.toarray(), whole.pairs.toarray(), atol=1e-12)
+    assert_allclose(around.sky, whole.sky, atol=1e-12)
 
 
 def test_a_body_beside_those_at_rest_has_all_of_its_lines():
