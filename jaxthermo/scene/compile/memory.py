@@ -60,10 +60,10 @@ class _Parts(NamedTuple):
 
 
 # In float32. A stencil has a byte for each cell, and no array of links.
-_KEPT_STENCIL = _Parts(faces=102, fragments=223, cut_voxels=136, values=1)
-_KEPT_LINKS = _Parts(faces=104, fragments=128, surface_nodes=100, links=51)
+_KEPT_STENCIL = _Parts(faces=135, fragments=223, cut_voxels=136, values=1)
+_KEPT_LINKS = _Parts(faces=137, fragments=152, surface_nodes=100, links=41)
 # Runs and rows of a full volume, instead of links.
-_KEPT_RUNS = _Parts(faces=100, fragments=222, surface_nodes=82)
+_KEPT_RUNS = _Parts(faces=133, fragments=222, surface_nodes=82)
 # The links of a full volume are found for the run, other structures have theirs.
 _KEPT_VOXEL_LINKS = _Parts(links=43)
 # Conductances of three faces and the capacity of each cell.
