@@ -218,11 +218,7 @@ def sample_bundles(scene: LineScene, bundles: Bundles, directions: int) -> LineS
     """The same along the lines of some bundles."""
     sums = _WaitingSums(scene.count)
     for bundle in bundles.bundles:
-        # Several views of a small scene at once: each call has a cost of its own. A
-        # view of a part of the scene is one of its own, which ends at its borders.
-        at_once = 1
-        if len(bundles.bundles) == 1:
-            at_once = _views_at_once(scene, bundle, directions)
+        at_once = views_at_once(scene, bundles, bundle, directions)
         views = bundle.views(directions)
         for segments in _segments(scene, views, at_once):
             sums.add(_of_bundle(segments[0], bundles, bundle), bundle, directions)
@@ -252,8 +248,16 @@ def sample_changes(
     return with_moving.total(), without.total()
 
 
-def _views_at_once(scene: LineScene, bundle: Bundle, directions: int) -> int:
-    """Number of views that are drawn at once."""
+def views_at_once(
+    scene: LineScene, bundles: Bundles, bundle: Bundle, directions: int
+) -> int:
+    """Number of views of a bundle that are drawn at once.
+
+    They are several in a small scene: each call has a cost of its own.
+    """
+    # A view of a part of the scene is one of its own, which ends at its borders.
+    if len(bundles.bundles) > 1:
+        return 1
     extent = float(np.linalg.norm(np.ptp(bundle.points, axis=0)))
     pixels = (extent / bundle.spacing(directions) + 2) ** 2
     most = int(min(_MAX_TRIANGLES // len(scene.faces), _MAX_PIXELS // pixels))

@@ -26,6 +26,7 @@ from .global_lines import (
     sample_all_directions,
     sample_bundles,
     sample_changes,
+    views_at_once,
 )
 from .line_hits import LineScene, outline
 
@@ -79,9 +80,12 @@ def sample_around_motion(
     sampled once for all places of the others.
     """
     moving = tuple(n for n in range(len(scene.bodies)) if n not in at_rest)
-    if not at_rest or not moving:
+    bundles = bundles_of(scene, lines)
+    # Whole views that are drawn several at once take no longer than parts one by one.
+    at_once = views_at_once(scene, bundles, bundles.bundles[0], directions)
+    if not at_rest or not moving or at_once > 1:
         return sample_all_directions(scene, directions, lines)
-    bundles = _around_resting(bundles_of(scene, lines), scene, at_rest)
+    bundles = _around_resting(bundles, scene, at_rest)
     resting = _AtRest.of(scene, at_rest, bundles)
     placed = [(b.points, b.spacing(directions)) for b in resting.bundles.bundles]
     content = resting.scene.bodies, tuple(placed), directions

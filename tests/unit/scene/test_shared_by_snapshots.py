@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import jaxthermo as jt
 from jaxthermo.physics.convection.film import FilmExchange
 from jaxthermo.physics.convection.wind import Wind
+from jaxthermo.physics.radiation import global_lines
 from jaxthermo.physics.radiation.radiative_exchange import RadiativeExchange
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.scene.compile import stable_step
@@ -171,8 +172,10 @@ def test_rates_that_limit_the_step_are_those_of_one_snapshot(grid, monkeypatch):
     assert float(moved.stable_step) == shortest
 
 
-def test_exchange_at_every_snapshot_is_that_of_its_scene_alone():
+def test_exchange_at_every_snapshot_is_that_of_its_scene_alone(monkeypatch):
     """A cube moves between two slabs, so that all lines are the same in each scene."""
+    # As in large scenes, whose views are drawn one by one.
+    monkeypatch.setattr(global_lines, "_MAX_TRIANGLES", 1)
     slab = jt.FullVolume(jt.voxelize(jt.shapes.box((1.0, 1.0, 0.2)), 0.1))
     cube = jt.FullVolume(jt.voxelize(jt.shapes.box((0.2, 0.2, 0.2)), 0.1))
     first, last = (jt.Pose((x, 0.1, 0.5)) for x in (-0.3, 0.3))

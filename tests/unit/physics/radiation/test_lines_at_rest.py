@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import jaxthermo as jt
-from jaxthermo.physics.radiation import lines_at_rest
+from jaxthermo.physics.radiation import global_lines, lines_at_rest
 from jaxthermo.physics.radiation.global_lines import bundles_of, sample_all_directions
 from jaxthermo.physics.radiation.line_hits import LineScene
 from jaxthermo.physics.radiation.lines_at_rest import sample_around_motion
@@ -18,6 +18,12 @@ CUBE = jt.voxelize(jt.shapes.box((0.2, 0.2, 0.2)), 0.1)
 TINY = jt.voxelize(jt.shapes.box((0.03, 0.03, 0.03)), 0.01)
 INSIDE = (0.1, 0.2, 0.5)
 OUTSIDE = (0.9, 0.3, 0.4)
+
+
+@pytest.fixture(autouse=True)
+def large_scenes(monkeypatch):
+    """Views are drawn one by one, as those of large scenes."""
+    monkeypatch.setattr(global_lines, "_MAX_TRIANGLES", 1)
 
 
 def scene_at(place, mover=CUBE):
@@ -81,6 +87,14 @@ def test_lines_of_bodies_at_rest_are_sampled_once(monkeypatch):
     ]
     assert whole_views == [48]
     assert abs(sums[0].pairs - sums[1].pairs).max() > 0
+
+
+def test_small_scenes_are_sampled_whole(monkeypatch):
+    monkeypatch.undo()
+    scene = scene_at(OUTSIDE)
+    sums = sample_around_motion(scene, (0, 2), directions=32, lines=None)
+    whole = sample_all_directions(scene, 32, None)
+    assert abs(sums.pairs - whole.pairs).max() == 0
 
 
 def test_a_scene_in_which_all_or_none_move_is_sampled_whole():
