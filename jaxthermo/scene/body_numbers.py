@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, located
 from ..geometry.part_names import matching_parts, unmatched_name
 from ..physics.term import AbstractTerm
 from ..voxels.cylinders import Cylinder
@@ -50,10 +50,8 @@ def with_numbers(terms: Any, bodies: Any) -> Any:
     names = [getattr(body, "name", "") for body in bodies]
     numbered = []
     for number, term in enumerate(terms):
-        try:
+        with located(f"terms[{number}]"):
             numbered.append(_numbered(term, names))
-        except InputError as error:
-            raise InputError(f"terms[{number}]: {error}") from error
     return tuple(numbered)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from ..arrays import TimeVarying
-from ..errors import InputError
+from ..errors import InputError, located
 from ..physics.contact.joint import AbstractJoint, Groups
 from ..physics.contact.links import Contact
 from ..physics.contact.seam import Seam
@@ -70,7 +70,5 @@ def joints(
 
 
 def _numbers_of(pattern: str, names: Sequence[str]) -> tuple[int, ...]:
-    try:
+    with located("joints(pairs=)"):
         return body_numbers(pattern, names)
-    except InputError as error:
-        raise InputError(f"joints(pairs=): {error}") from error

@@ -16,7 +16,6 @@ Forum 12(3) (1993).
 
 import os
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import islice
 from typing import NamedTuple
@@ -27,6 +26,7 @@ from scipy.sparse import csr_array
 
 from ...geometry.mesh import Pose
 from ...memo.found import found
+from ...parallel.threads import in_threads
 from ...raster.views import (
     OrthographicView,
     cap_directions,
@@ -192,16 +192,13 @@ def _segments(
     left_out: Bool[np.ndarray, " f"] | None = None,
 ) -> Iterator[tuple[Segments, ...]]:
     """Lines of views, a number of them drawn at once, in their order."""
-    threads = os.cpu_count() or 1
     trace = partial(segments_along, scene, left_out=left_out)
-    with ThreadPoolExecutor(threads) as pool:
-        # Only lines of a few drawings at a time are kept.
-        while batches := [
-            batch
-            for _ in range(_WAITING_DRAWINGS * threads)
-            if (batch := tuple(islice(views, at_once)))
-        ]:
-            yield from pool.map(trace, batches)
+    # Only lines of a few drawings at a time are kept.
+    waiting = _WAITING_DRAWINGS * (os.cpu_count() or 1)
+    while batches := [
+        batch for _ in range(waiting) if (batch := tuple(islice(views, at_once)))
+    ]:
+        yield from in_threads(trace, batches)
 
 
 def sample_all_directions(
