@@ -29,12 +29,13 @@ from .global_lines import (
     views_at_once,
 )
 from .line_hits import LineScene, outline
+from .patches import PatchedBody
 
 
 class _AtRest(NamedTuple):
     """Bodies at rest of a scene, by themselves."""
 
-    scene: LineScene
+    bodies: tuple[PatchedBody, ...]
     bundles: Bundles
     """Those that count lines between them."""
     patches: Int[np.ndarray, " r"]
@@ -49,12 +50,26 @@ class _AtRest(NamedTuple):
         number = np.repeat(np.arange(len(counts)), counts)
         patches = np.flatnonzero(np.isin(number, at_rest))
         return cls(
-            scene=LineScene.of_bodies(tuple(scene.bodies[n] for n in at_rest)),
+            bodies=tuple(scene.bodies[n] for n in at_rest),
             bundles=Bundles(
                 bundles=[b for b in bundles.bundles if {*b.bodies} & {*at_rest}],
                 of_patch=bundles.of_patch[patches],
             ),
             patches=patches,
+        )
+
+    def sums(self, directions: int) -> LineSums:
+        """Sums over the lines between them, found once for all places of the others."""
+        placed = [(b.points, b.spacing(directions)) for b in self.bundles.bundles]
+        return found(
+            (),
+            by=(
+                "lines at rest",
+                content_hash((self.bodies, tuple(placed), directions)),
+            ),
+            find=lambda: sample_bundles(
+                LineScene.of_bodies(self.bodies), self.bundles, directions
+            ),
         )
 
     def among_all(self, sums: LineSums, count: int) -> LineSums:
@@ -87,15 +102,8 @@ def sample_around_motion(
         return sample_all_directions(scene, directions, lines)
     bundles = _around_resting(bundles, scene, at_rest)
     resting = _AtRest.of(scene, at_rest, bundles)
-    placed = [(b.points, b.spacing(directions)) for b in resting.bundles.bundles]
-    content = resting.scene.bodies, tuple(placed), directions
-    alone = found(
-        (),
-        by=("lines at rest", content_hash(content)),
-        find=lambda: sample_bundles(resting.scene, resting.bundles, directions),
-    )
     around, alone_around = sample_changes(scene, bundles, directions, moving)
-    alone = resting.among_all(alone, scene.count)
+    alone = resting.among_all(resting.sums(directions), scene.count)
     return jax.tree.map(operator.add, jax.tree.map(_less, alone, alone_around), around)
 
 
