@@ -131,8 +131,8 @@ def _numbered_cylinder(cylinder: Any, where: Location, names: Mapping[str, int])
     if not isinstance(cylinder, dict) or cylinder.get("part") is None:
         return cylinder
     number = _single(cylinder["part"], (*where, "part"), names)
-    others = {key: value for key, value in cylinder.items() if key != "part"}
-    return {**others, "body": number}
+    without_part = {key: value for key, value in cylinder.items() if key != "part"}
+    return {**without_part, "body": number}
 
 
 def _numbered_plane(surface: Data, names: Mapping[str, int]) -> Data:

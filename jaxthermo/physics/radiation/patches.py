@@ -455,7 +455,7 @@ def group_patches(
     code, patch = np.unique(codes, return_inverse=True)
     patch = patch.reshape(-1)
     total = np.bincount(patch, area, len(code))
-    whole = np.bincount(patch, grid.fragment_area, len(code))
+    full_area = np.bincount(patch, grid.fragment_area, len(code))
     mean = [np.bincount(patch, area * position[:, i], len(code)) for i in range(3)]
     centre = np.stack(mean, axis=1) / total[:, None]
     return _Patches(
@@ -467,7 +467,7 @@ def group_patches(
         cavities=grid.cavities if isinstance(grid.cavities, Cavities) else None,
         room=room,
         is_enclosed=np.arange(len(room)) >= sides,
-        is_touched=total < whole * (1 - _ROUNDING),
+        is_touched=total < full_area * (1 - _ROUNDING),
     )
 
 

@@ -249,10 +249,12 @@ class Sampling(NamedTuple):
     def of(self, views: ViewFactors) -> "Sampling":
         """The same with the sums of the rows of view factors."""
         sampled = np.ones(len(views.area)) if views.sampled is None else views.sampled
-        known = np.isfinite(sampled)
+        is_sampled = np.isfinite(sampled)
         row_error = np.nan
-        if known.any():
-            square = np.average((sampled[known] - 1) ** 2, weights=views.area[known])
+        if is_sampled.any():
+            square = np.average(
+                (sampled[is_sampled] - 1) ** 2, weights=views.area[is_sampled]
+            )
             row_error = float(np.sqrt(square))
         return self._replace(patches=len(views.area), row_error=row_error)
 
